@@ -1,0 +1,96 @@
+"""Is a converged state an answer? Contact and friction inequalities, checked on the fields with their margins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.solution import Array, Check, Contact, Fields, Solution, Status, Zone
+
+SENSE = {"forward": 1.0, "backward": -1.0}
+
+
+def certified(solution: Solution, *, tolerance: float) -> Solution:
+    """Adds the certificate to a converged solution and takes its success back where a check fails.
+
+    Args:
+        solution: A converged solution, in the units of its scene.
+        tolerance: Negative relative margin that the discretisation is allowed.
+
+    Raises:
+        SceneError: The transition was asked for outside of the contact zone that was found.
+    """
+    (contact,) = solution.contacts
+    checks = certify(solution.scene, contact, solution.zones, solution.fields, tolerance=tolerance)
+    if all(check.holds for check in checks):
+        return replace(solution, checks=checks)
+    return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
+
+
+def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
+    """Checks that the transition was asked for inside of the contact zone that was found.
+
+    Raises:
+        SceneError: It was not.
+    """
+    x_trans = scene.pulleys[0].x_trans
+    if x_trans is None or isinstance(x_trans, str) or x_up < x_trans < x_off:
+        return
+    raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
+
+
+def certify(
+    scene: Scene, contact: Contact, zones: tuple[Zone, ...], fields: Fields, *, tolerance: float
+) -> tuple[Check, ...]:
+    """Checks borders, pressure, penetration, Coulomb's bound and the sense of sliding.
+
+    Args:
+        scene: The scene, in the units of the other arguments.
+        contact: The contact to check.
+        zones: All zones, in the direction of travel.
+        fields: Fields on both sides of each border and densely between.
+        tolerance: Negative relative margin that the discretisation is allowed.
+
+    Returns:
+        One check for each condition that the zones call for.
+    """
+    pulley = scene.pulleys[0]
+    kinds = np.array([zone.kind for zone in zones])[fields.zone]
+    touching, sliding = kinds != "free", kinds == "slip"
+    p_max = np.max(fields.p, initial=0.0)
+    gap = np.hypot(*(fields.r - np.asarray(pulley.center)).T) - pulley.radius
+
+    checks = [_borders_in_order(scene, zones)]
+
+    def check(name: str, margin: Array, where: Array) -> None:
+        if np.any(where):
+            index = int(np.argmin(np.where(np.isnan(margin), -np.inf, margin)[where]))
+            checks.append(
+                Check(
+                    name=name,
+                    margin=float(margin[where][index]),
+                    tolerance=tolerance,
+                    x=float(fields.x[where][index]),
+                )
+            )
+
+    check("no penetration outside contact", gap / pulley.radius, ~touching)
+    check("positive pressure in contact", fields.p / (p_max or math.nan), touching)
+    if pulley.friction > 0.0:
+        scale = pulley.friction * (p_max or math.nan)
+        check("Coulomb's bound in stick", (pulley.friction * fields.p - np.abs(fields.f)) / scale, kinds == "stick")
+        sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
+        speed = scene.transport_rate * fields.D
+        check("sense of sliding in slip", sense * fields.v_rel / speed, sliding)
+    return tuple(checks)
+
+
+def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:
+    lengths = np.array([zone.sigma[1] - zone.sigma[0] for zone in zones]) / scene.belt.length
+    shortest = int(np.argmin(lengths))
+    return Check(
+        name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0])
+    )

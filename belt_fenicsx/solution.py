@@ -1,0 +1,364 @@
+"""What a solver gives back: plain data in SI units, the same on every rank, with no method in it."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from belt_fenicsx.scene import Belt, Scene, Slip, StiffnessBelt, Units
+
+Array = np.ndarray
+
+
+class Status(enum.Enum):
+    """How a solve ended; the value is the sentence for the user."""
+
+    SOLVED = "Solved: the iteration converged and the state is admissible."
+    NOT_ADMISSIBLE = "The iteration converged, but the state is not admissible."
+    NEWTON_DIVERGED = "Newton's iteration did not converge."
+    MULTIPLIERS_DIVERGED = "The updates of the contact multipliers did not converge."
+    CONTACT_LOST = "No contact between the belt and the pulley was found."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A field's unit, its meaning, and its powers of length, force and transport rate."""
+
+    unit: str
+    text: str
+    length: int = 0
+    force: int = 0
+    rate: int = 0
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "sigma": Quantity(unit="m", text="material-length coordinate", length=1),
+    "r": Quantity(unit="m", text="position", length=1),
+    "theta": Quantity(unit="rad", text="angle of the cross-section"),
+    "phi": Quantity(unit="rad", text="angle of the tangent"),
+    "D": Quantity(unit="-", text="stretch"),
+    "eps": Quantity(unit="-", text="axial strain"),
+    "Gamma": Quantity(unit="-", text="shear strain"),
+    "kappa": Quantity(unit="1/m", text="bending strain", length=-1),
+    "Q": Quantity(unit="N", text="force in the axes e1, e2", force=1),
+    "M": Quantity(unit="N m", text="bending moment", length=1, force=1),
+    "p": Quantity(unit="N/m", text="contact pressure", length=-1, force=1),
+    "f": Quantity(unit="N/m", text="friction traction", length=-1, force=1),
+    "v_rel": Quantity(unit="m/s", text="sliding speed", rate=1),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fields:
+    """Fields along the belt, sorted by ``sigma``; a border of zones appears once for each side.
+
+    Attributes:
+        zone: Index into the solution's zones ``(n,)``.
+        sigma: Coordinate in [-Ls/2, Ls/2] ``(n,)`` [m].
+        r: Position ``(n, 2)`` [m].
+        theta: Angle of the cross-section ``(n,)`` [rad].
+        phi: Angle of the tangent ``(n,)`` [rad].
+        D: Stretch ``(n,)`` [-].
+        eps: Axial strain ``(n,)`` [-].
+        Gamma: Shear strain ``(n,)`` [-].
+        kappa: Bending strain ``(n,)`` [1/m].
+        Q: Forces Q1, Q2 in the axes of the cross-section ``(n, 2)`` [N].
+        M: Bending moment ``(n,)`` [N m].
+        p: Contact pressure per material length ``(n,)``, zero outside contact [N/m].
+        f: Friction traction on the belt along its tangent ``(n,)``, zero outside contact [N/m].
+        v_rel: Sliding speed c D - R omega of the belt against the pulley ``(n,)`` [m/s].
+    """
+
+    zone: Array
+    sigma: Array
+    r: Array
+    theta: Array
+    phi: Array
+    D: Array
+    eps: Array
+    Gamma: Array
+    kappa: Array
+    Q: Array
+    M: Array
+    p: Array
+    f: Array
+    v_rel: Array
+
+    @property
+    def x(self) -> Array:
+        """Global coordinate x ``(n,)`` [m]."""
+        return self.r[:, 0]
+
+    @property
+    def y(self) -> Array:
+        """Global coordinate y ``(n,)`` [m]."""
+        return self.r[:, 1]
+
+    @classmethod
+    def from_state(
+        cls,
+        belt: Belt | StiffnessBelt,
+        *,
+        zone: Array,
+        sigma: Array,
+        r: Array,
+        theta: Array,
+        phi: Array,
+        D: Array,
+        kappa: Array,
+        p: Array,
+        f: Array,
+        v_rel: Array,
+    ) -> Fields:
+        """Adds strains and forces by the constitutive law (18.5), (18.6)."""
+        psi = theta - phi
+        eps, Gamma = D * np.cos(psi) - 1.0, -D * np.sin(psi)
+        Q = np.column_stack([belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma])
+        M = belt.bending_stiffness * kappa
+        return cls(
+            zone=zone, sigma=sigma, r=r, theta=theta, phi=phi, D=D, eps=eps, Gamma=Gamma, kappa=kappa, Q=Q, M=M,
+            p=p, f=f, v_rel=v_rel,
+        )  # fmt: skip
+
+    def in_units(self, units: Units) -> Fields:
+        """The fields of a dimensionless scene in the given units."""
+        scaled = {name: getattr(self, name) * _unit(quantity, units) for name, quantity in QUANTITIES.items()}
+        return replace(self, **scaled)
+
+
+def _unit(quantity: Quantity, units: Units) -> float:
+    return units.of(length=quantity.length, force=quantity.force, rate=quantity.rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """A part of the belt with one contact state.
+
+    Attributes:
+        kind: ``"free"``, ``"stick"`` or ``"slip"``.
+        slip: Sense of sliding of a slip zone, otherwise None.
+        sigma: Ends ``(2,)`` in the material-length coordinate [m].
+        x: Ends ``(2,)`` in the global coordinate [m].
+    """
+
+    kind: str
+    slip: Slip | None = None
+    sigma: tuple[float, float]
+    x: tuple[float, float]
+
+    def in_units(self, units: Units) -> Zone:
+        """The zone of a dimensionless scene in the given units."""
+        sigma, x = (tuple(end * units.length for end in ends) for ends in (self.sigma, self.x))
+        return replace(self, sigma=sigma, x=x)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """The contact of the belt with one pulley.
+
+    Attributes:
+        omega: Angular velocity of the pulley [rad/s], positive where its top moves with the belt.
+        x_up: Run-up point [m].
+        x_trans: Transition from stick to slip [m]; the run-off in pure stick, the run-up in pure slip.
+        x_off: Run-off point [m].
+        torque: Moment of the belt on the pulley [N m], positive where it drives it along.
+        wrap_angle: Angle of the pulley between run-up and run-off [rad].
+        zones: The contact's zones, in the direction of travel.
+    """
+
+    omega: float
+    x_up: float
+    x_trans: float
+    x_off: float
+    torque: float
+    wrap_angle: float
+    zones: tuple[Zone, ...]
+
+    def in_units(self, units: Units) -> Contact:
+        """The contact of a dimensionless scene in the given units."""
+        length = units.length
+        return replace(
+            self,
+            omega=self.omega * units.of(length=-1, rate=1),
+            x_up=self.x_up * length,
+            x_trans=self.x_trans * length,
+            x_off=self.x_off * length,
+            torque=self.torque * units.of(length=1, force=1),
+            zones=tuple(zone.in_units(units) for zone in self.zones),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of the certificate.
+
+    Attributes:
+        name: What must hold.
+        margin: How far it holds, relative to the natural size of the checked quantity; negative where it does not.
+        tolerance: The negative margin that the discretisation is allowed.
+        x: Where the margin is smallest [m].
+    """
+
+    name: str
+    margin: float
+    tolerance: float
+    x: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the margin is within the tolerance; false for NaN."""
+        return bool(self.margin >= -self.tolerance)
+
+    def __str__(self) -> str:
+        verdict = "holds" if self.holds else "violated"
+        return f"{self.name}: {verdict}, margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A stage of a solve.
+
+    Attributes:
+        name: The stage.
+        why: Why it ran, or why the scene did not need it.
+        iterations: Newton iterations; None where the stage was skipped.
+        seconds: Wall time [s].
+    """
+
+    name: str
+    why: str
+    iterations: int | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """The answer to a scene.
+
+    Attributes:
+        scene: The scene that was asked.
+        method: The method that answered.
+        status: How the solve ended.
+        message: The stage where it ended and what was seen there.
+        contacts: One contact for each pulley; empty where nothing was found.
+        zones: All zones of the belt, in the direction of travel.
+        fields: Fields along the belt; None where the solve failed before there were any.
+        checks: The certificate.
+        iterations: Newton iterations in all.
+        error_estimate: Estimated relative error of omega; NaN where the method has none.
+        stages: The stages, those that were skipped too.
+        measures: What the iteration stopped on, by name.
+        state: What a warm start needs, private to the method.
+    """
+
+    scene: Scene
+    method: str
+    status: Status
+    message: str = ""
+    contacts: tuple[Contact, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    fields: Fields | None = field(default=None, repr=False)
+    checks: tuple[Check, ...] = field(default=(), repr=False)
+    iterations: int = 0
+    error_estimate: float = float("nan")
+    stages: tuple[Stage, ...] = ()
+    measures: Mapping[str, float] = field(default_factory=dict)
+    state: Any = field(default=None, repr=False, compare=False)
+
+    @property
+    def omega(self) -> float:
+        """Angular velocity of the only pulley [rad/s].
+
+        Raises:
+            AttributeError: There is no contact, or more than one.
+        """
+        if len(self.contacts) != 1:
+            raise AttributeError(f"`omega` needs exactly one contact, got {len(self.contacts)}: {self.status.value}")
+        return self.contacts[0].omega
+
+    @property
+    def success(self) -> bool:
+        """Whether the solve converged to an admissible state."""
+        return self.status is Status.SOLVED
+
+    @property
+    def admissible(self) -> bool:
+        """Whether there is a state and every check of the certificate holds."""
+        return bool(self.checks) and all(check.holds for check in self.checks)
+
+    @property
+    def violations(self) -> tuple[str, ...]:
+        """The checks that do not hold, as sentences."""
+        return tuple(str(check) for check in self.checks if not check.holds)
+
+    @property
+    def timings(self) -> Mapping[str, float]:
+        """Wall time of each stage that ran [s]."""
+        return {stage.name: stage.seconds for stage in self.stages if stage.iterations is not None}
+
+    def in_units(self, scene: Scene, units: Units) -> Solution:
+        """The answer to ``scene``, of which this is the dimensionless one."""
+        return replace(
+            self,
+            scene=scene,
+            contacts=tuple(contact.in_units(units) for contact in self.contacts),
+            zones=tuple(zone.in_units(units) for zone in self.zones),
+            fields=self.fields and self.fields.in_units(units),
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the arrays, as plain data for JSON."""
+        contacts = [{f.name: getattr(c, f.name) for f in fields(c) if f.name != "zones"} for c in self.contacts]
+        for plain, contact in zip(contacts, self.contacts, strict=True):
+            plain["zones"] = [_zone_summary(zone) for zone in contact.zones]
+        return {
+            "method": self.method,
+            "status": self.status.name,
+            "message": self.message or self.status.value,
+            "success": self.success,
+            "admissible": self.admissible,
+            "violations": list(self.violations),
+            "omega": self.contacts[0].omega if len(self.contacts) == 1 else None,
+            "contacts": contacts,
+            "zones": [_zone_summary(zone) for zone in self.zones],
+            "iterations": self.iterations,
+            "error_estimate": None if np.isnan(self.error_estimate) else self.error_estimate,
+            "measures": dict(self.measures),
+            "stages": [{f.name: getattr(stage, f.name) for f in fields(stage)} for stage in self.stages],
+            "timings": dict(self.timings),
+        }
+
+
+def _zone_summary(zone: Zone) -> dict[str, Any]:
+    return {"kind": zone.kind, "slip": zone.slip, "sigma": list(zone.sigma), "x": list(zone.x)}
+
+
+class SolveError(RuntimeError):
+    """A solve that gave no admissible answer; ``solution`` holds what there is.
+
+    Attributes:
+        solution: The failed solution.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        super().__init__(solution)
+
+    def __str__(self) -> str:
+        parts = (self.solution.status.value, self.solution.message, *self.solution.violations)
+        return " ".join(part for part in parts if part)
+
+
+def finish(solution: Solution, *, throw: bool) -> Solution:
+    """Gives back a good solution; raises for another one, or gives it back too where ``throw`` is false.
+
+    Raises:
+        SolveError: The solution is not a success and ``throw`` is true.
+    """
+    if throw and not solution.success:
+        raise SolveError(solution)
+    return solution
