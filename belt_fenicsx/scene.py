@@ -8,6 +8,7 @@ no answer depends on the units of the question.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Literal
@@ -15,6 +16,9 @@ from typing import Literal
 Slip = Literal["forward", "backward"]
 DRIVES = ("x_trans", "omega", "torque")
 RUN_UP, RUN_OFF = "run-up", "run-off"
+
+# Products of powers of numbers of this size stay within the range of a float.
+SMALLEST, LARGEST = 1e-100, 1e100
 
 
 class SceneError(ValueError):
@@ -31,8 +35,7 @@ class SceneError(ValueError):
         super().__init__(field, expected, got)
 
     def __str__(self) -> str:
-        got = self.got if isinstance(self.got, Verbatim) else repr(self.got)
-        return f"`{self.field}` must {self.expected}, got {got}."
+        return f"`{self.field}` must {self.expected}, got {shown(self.got)}."
 
     def within(self, path: str) -> SceneError:
         """The same error, with the field's path in front."""
@@ -43,10 +46,21 @@ class Verbatim(str):
     """A value whose text goes into an error as it is, without quotes."""
 
 
+def shown(value: object) -> str:
+    """The value as an error shows it: short, whatever it is."""
+    try:
+        text = value if isinstance(value, Verbatim) else repr(value)
+    except ValueError:  # Python refuses to write integers of thousands of digits.
+        text = "an integer of too many digits"
+    return text if len(text) <= 120 else f"{text[:117]}..."
+
+
 def number(name: str, value: object, unit: str) -> float:
     """Checks that ``value`` is a finite real number and returns it as a float."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or not abs(value) < math.inf:
         raise SceneError(name, f"be a finite number [{unit}]", value)
+    if abs(value) > LARGEST:
+        raise SceneError(name, f"be at most {LARGEST:g} in size [{unit}]", value)
     return float(value)
 
 
@@ -55,6 +69,8 @@ def positive(name: str, value: object, unit: str) -> float:
     result = number(name, value, unit)
     if result <= 0.0:
         raise SceneError(name, f"be positive [{unit}]", value)
+    if result < SMALLEST:
+        raise SceneError(name, f"be at least {SMALLEST:g} [{unit}]", value)
     return result
 
 
@@ -188,14 +204,14 @@ class Pulley:
 
     def _checked_center(self) -> tuple[float, float]:
         center = self.center
-        if isinstance(center, str) or not hasattr(center, "__len__") or len(center) != 2:
+        if isinstance(center, str | Mapping) or not hasattr(center, "__getitem__") or len(center) != 2:
             raise SceneError("center", "be a pair of finite numbers (xc, H) [m]", center)
         return number("center.0", center[0], "m"), number("center.1", center[1], "m")
 
     def _check_drive(self) -> None:
         given = [name for name in DRIVES if getattr(self, name) is not None]
         if len(given) > 1:
-            got = Verbatim(" and ".join(f"{name} = {getattr(self, name)!r}" for name in given))
+            got = Verbatim(" and ".join(f"{name} = {shown(getattr(self, name))}" for name in given))
             raise SceneError(given[1], "be the only drive of `x_trans`, `omega`, `torque`", got)
         if not given:
             _set(self, x_trans=0.0)
@@ -301,6 +317,10 @@ class Units:
     def of(self, *, length: int = 0, force: int = 0, rate: int = 0) -> float:
         """The unit of a quantity with these powers of length, force and transport rate."""
         return self.length**length * self.force**force * self.rate**rate
+
+    def inverse(self) -> Units:
+        """The units that turn this scene's answers into the dimensionless ones."""
+        return Units(length=1.0 / self.length, force=1.0 / self.force, rate=1.0 / self.rate)
 
 
 def _dimensionless_pulley(pulley: Pulley, units: Units) -> Pulley:

@@ -1,0 +1,303 @@
+"""The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
+
+1. Frictionless, with a relaxed penalty, from the straight belt.
+2. With friction, and a penalty that grows to its full value:
+   lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
+   lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
+
+Each update follows a loosely converged Newton solve; the loop ends when the multipliers and the penetration have
+come to rest. The answer is then as good as the mesh, which knows the contact zone to a part of an element.
+
+References:
+    R. T. Rockafellar, "The multiplier method of Hestenes and Powell applied to convex programming", 1973,
+    doi:10.1007/BF00934777, for the signed form. The source's own update can only grow.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from scipy.interpolate import CubicHermiteSpline
+
+from belt_fenicsx import recognition
+from belt_fenicsx.certificate import SENSE, certified, check_transition
+from belt_fenicsx.lagrangian_forms import Problem, State
+from belt_fenicsx.newton import NewtonError
+from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
+from belt_fenicsx.solution import Fields, Solution, Stage, Status, finish
+
+Array = np.ndarray
+logger = logging.getLogger(__name__)
+
+NAME = "augmented-lagrangian"
+MAX_UPDATES = 200
+NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
+PENETRATION_TOL = 1e-9
+# What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
+# resultant, is closer to its limit by four to five digits.
+MULTIPLIER_CHANGE_PER_RTOL = 1e3
+
+
+@dataclass(frozen=True)
+class Penalties:
+    """Penalty factors from the stiffnesses of the belt and the size of its elements.
+
+    Attributes:
+        relaxed: P in the first phase. The pressure of a strain eps then takes a penetration of eps R / 50.
+        full: P at the end, some thirty times the shear stiffness of an element over its size: the updates contract
+            by a factor that does not depend on the mesh, and Newton's matrix stays well conditioned.
+        growth: Factor of P from one update to the next.
+        friction: P_f. A string has D' = -f/b1, so b1 makes the update of the stick friction a Newton step.
+    """
+
+    relaxed: float
+    full: float
+    growth: float
+    friction: float
+
+    @classmethod
+    def of(cls, scene: Scene, elements: int, scale: float = 1.0) -> Penalties:
+        """The penalties of the pressure, ``scale`` times the usual ones, and of the friction."""
+        belt, radius = scene.belt, scene.pulleys[0].radius
+        relaxed = scale * 50.0 * belt.extensional_stiffness / radius**2
+        full = scale * 32.0 * belt.shear_stiffness * (elements / belt.length) ** 2
+        return cls(relaxed=relaxed, full=max(relaxed, full), growth=10.0, friction=belt.extensional_stiffness)
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Multipliers of pressure and friction at the Gauss points of the owned cells ``(cells, points)``."""
+
+    p: Array
+    f: Array
+
+    def updated(self, state: State, pulley: Pulley, *, penalty: float, friction: float) -> Multipliers:
+        """The multipliers after one update.
+
+        Args:
+            state: The state that Newton's method found for these multipliers.
+            pulley: The pulley, whose transition tells stick from slip.
+            penalty: Penalty P of the pressure.
+            friction: Penalty P_f of the stick friction; zero leaves the friction out.
+        """
+        p = np.maximum(0.0, self.p + penalty * state.g)
+        if friction == 0.0:
+            return Multipliers(p=p, f=self.f)
+        bound = pulley.friction * p
+        share = slip_share(state, pulley)
+        stick = np.clip(self.f + friction * state.dD, -bound, bound)
+        return Multipliers(p=p, f=(1.0 - share) * stick - share * SENSE[pulley.slip] * bound)
+
+
+def slip_share(state: State, pulley: Pulley) -> Array:
+    """How much of each Gauss point's part of its cell lies after the transition, from 0 to 1.
+
+    A sharp choice would move the transition by up to a Gauss point's part of the cell, and the answer with it.
+    """
+    if isinstance(pulley.x_trans, str):
+        return np.full_like(state.sigma, {RUN_UP: 1.0, RUN_OFF: 0.0}[pulley.x_trans])
+    width = np.abs(state.dr[..., 0]) * state.weights
+    return np.clip((state.r[..., 0] - pulley.x_trans) / width + 0.5, 0.0, 1.0)
+
+
+@functools.lru_cache(maxsize=4)
+def _problem(elements: int, comm: int, options: tuple[tuple[str, Any], ...], frictional: bool) -> Problem:
+    """What scenes share is made once: forms and function spaces cost a hundred times a solve."""
+    return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
+
+
+def solve(
+    scene: Scene,
+    *,
+    elements: int = 100,
+    rtol: float = 1e-8,
+    penalty_scale: float = 1.0,
+    comm: MPI.Comm | None = None,
+    options: Mapping[str, Any] | None = None,
+    initial: Solution | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Solves a scene on a fixed, uniform mesh by the augmented-Lagrangian method (18.2).
+
+    Args:
+        scene: The scene; its pulley is driven by ``x_trans``.
+        elements: Number of elements.
+        rtol: Relative change of omega that the last updates may still make; its error is the mesh's.
+        penalty_scale: Factor on the penalties that are chosen from the scene's stiffnesses.
+        comm: MPI communicator; all ranks by default.
+        options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
+        initial: A solution to start from, of any method; the first phase is then left out.
+        throw: Whether a failure raises; otherwise its solution is given back.
+
+    Returns:
+        The solution, with fields at two Gauss points in each element.
+
+    Raises:
+        SceneError: The transition is not in the contact zone, or there are more ranks than elements.
+        SolveError: No admissible solution was found and ``throw`` is true.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    plain, units = scene.dimensionless()
+    began = time.perf_counter()
+    problem = _problem(elements, comm.py2f(), tuple(sorted((options or {}).items())), plain.pulleys[0].friction > 0.0)
+    stages = [Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began)]
+    run = _Run(problem, plain, Penalties.of(plain, elements, penalty_scale), stages)
+    if initial is None or initial.fields is None:
+        start = functools.partial(run.relaxed, "no initial solution was given")
+    else:
+        start = functools.partial(run.warm, initial.fields.in_units(initial.scene.dimensionless()[1].inverse()))
+    solution = run.solve(start, rtol).in_units(scene, units)
+    if solution.status is Status.SOLVED:
+        check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
+        solution = certified(solution, tolerance=recognition.tolerance(elements))
+    return finish(solution, throw=throw)
+
+
+class _ContactLost(RuntimeError):
+    """No Gauss point is in contact."""
+
+
+class _UpdatesDiverged(RuntimeError):
+    """The multipliers did not come to rest."""
+
+
+FAILURES = {
+    NewtonError: Status.NEWTON_DIVERGED,
+    _UpdatesDiverged: Status.MULTIPLIERS_DIVERGED,
+    _ContactLost: Status.CONTACT_LOST,
+}
+
+
+class _Run:
+    """One dimensionless scene on its way through the phases."""
+
+    def __init__(self, problem: Problem, scene: Scene, penalties: Penalties, stages: list[Stage]) -> None:
+        self.problem, self.scene, self.penalties, self.stages = problem, scene, penalties, stages
+        self.pulley = scene.pulleys[0]
+        self.multipliers = Multipliers(p=np.zeros_like(problem.space.eta), f=np.zeros_like(problem.space.eta))
+        self.penalty = penalties.relaxed
+        self.measures: dict[str, float] = {}
+        problem.load(scene)
+
+    def solve(self, start: functools.partial[None], rtol: float) -> Solution:
+        """Runs the phases and reads the solution from the last state."""
+        common = {"scene": self.scene, "method": NAME}
+        try:
+            start()
+            state = self.frictional(rtol)
+        except tuple(FAILURES) as failure:
+            message = f"Stage `{self.stages[-1].name}`: {failure}"
+            return Solution(**common, status=FAILURES[type(failure)], message=message, **self._records())
+        fields, zones, contact = recognition.recognise(self.scene, self._gathered(state))
+        contacts = (contact,)
+        return Solution(
+            **common, status=Status.SOLVED, fields=fields, zones=zones, contacts=contacts, **self._records()
+        )
+
+    def _gathered(self, state: State) -> recognition.GaussData:
+        """Everything at the Gauss points, of all ranks."""
+        p, f, share = self.multipliers.p, self.multipliers.f, slip_share(state, self.pulley)
+        columns = (state.sigma, state.weights, state.theta, state.kappa, state.g, p, f, share)
+        table = self.problem.space.gather(np.concatenate([np.stack(columns, axis=-1), state.r, state.dr], axis=-1))
+        sigma, weight, theta, kappa, g, p, f, share = table[:, :8].T
+        return recognition.GaussData(
+            sigma=sigma, weight=weight, r=table[:, 8:10], dr=table[:, 10:], theta=theta, kappa=kappa, g=g, p=p, f=f,
+            share=share,
+        )  # fmt: skip
+
+    def _records(self) -> dict[str, Any]:
+        iterations = sum(stage.iterations or 0 for stage in self.stages)
+        return {"stages": tuple(self.stages), "iterations": iterations, "measures": self.measures}
+
+    def relaxed(self, why: str) -> None:
+        """First phase: frictionless with the relaxed penalty, from the straight belt."""
+        nodes = self.problem.nodes(self.scene)
+        stretch = self.scene.span / self.scene.belt.length
+        values, slopes = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
+        values[:, 0], slopes[:, 0] = stretch * nodes, stretch * np.diff(nodes)[0]
+        self._set_state(values, slopes)
+        with self._stage("relaxed", why) as stage:
+            stage.iterations = self._newton()
+            self._update(self.problem.state(), friction=0.0)
+
+    def warm(self, fields: Fields) -> None:
+        """Skips the first phase: state and multipliers from the fields of another solution."""
+        self.stages.append(Stage(name="relaxed", why="skipped: an initial solution was given"))
+        space, nodes = self.problem.space, self.problem.nodes(self.scene)
+        sigma, index = np.unique(fields.sigma, return_index=True)
+        D, phi = fields.D[index], fields.phi[index]
+        values = np.column_stack([fields.r, fields.theta])[index]
+        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), fields.kappa[index]])
+        spline = CubicHermiteSpline(sigma, values, slopes)
+        self._set_state(spline(nodes), spline(nodes, 1) * np.diff(nodes)[0])
+        at = nodes[0] + space.eta * np.diff(nodes)[0]
+        self.multipliers = Multipliers(p=np.interp(at, fields.sigma, fields.p), f=np.interp(at, fields.sigma, fields.f))
+        self.penalty = self.penalties.full
+
+    def _set_state(self, values: Array, slopes: Array) -> None:
+        for end, side in ((0, -0.5), (-1, 0.5)):
+            values[end] = (side * self.scene.span, 0.0, 0.0)
+        self.problem.space.set_state(values, slopes)
+
+    def frictional(self, rtol: float) -> State:
+        """Second phase: updates with friction until multipliers and penetration are at rest."""
+        friction = self.penalties.friction if self.problem.frictional else 0.0
+        with self._stage("frictional", "always" if friction else "always (no friction: the pressure only)") as stage:
+            for update in range(1, MAX_UPDATES + 1):
+                self.penalty = min(self.penalties.full, self.penalty * self.penalties.growth)
+                stage.iterations += self._newton()
+                state = self.problem.state()
+                self._update(state, friction=friction)
+                logger.info("update %d: %s", update, self.measures)
+                if self.penalty == self.penalties.full and self._at_rest(rtol):
+                    return state
+            raise _UpdatesDiverged(f"{MAX_UPDATES} updates left {self.measures}")
+
+    def _at_rest(self, rtol: float) -> bool:
+        change = MULTIPLIER_CHANGE_PER_RTOL * rtol
+        return self.measures["multiplier_change"] <= change and self.measures["penetration"] <= PENETRATION_TOL
+
+    def _newton(self) -> int:
+        problem = self.problem
+        problem.penalty.value = self.penalty
+        problem.set_multipliers(self.multipliers.p, self.multipliers.f)
+        return problem.newton.solve(rtol=NEWTON_RTOL, atol=NEWTON_ATOL)
+
+    def _update(self, state: State, *, friction: float) -> None:
+        """Updates the multipliers and measures their change and the penetration, both relative."""
+        old = self.multipliers
+        new = self.multipliers = old.updated(state, self.pulley, penalty=self.penalty, friction=friction)
+        changes = [np.sum(state.weights * part) for part in (abs(new.p - old.p), abs(new.f - old.f), new.p)]
+        comm = self.problem.space.comm
+        dp, df, total = comm.allreduce(np.array(changes))
+        if total == 0.0:
+            raise _ContactLost("no Gauss point is in contact")
+        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0)
+        self.measures = {
+            "multiplier_change": float(max(dp, df) / total),
+            "penetration": float(comm.allreduce(deepest, MPI.MAX) / self.pulley.radius),
+            "penalty": self.penalty,
+        }
+
+    @contextlib.contextmanager
+    def _stage(self, name: str, why: str) -> Iterator[_Counter]:
+        """Notes a stage with its iterations and wall time, also where it fails."""
+        counter, began = _Counter(), time.perf_counter()
+        try:
+            yield counter
+        finally:
+            seconds = time.perf_counter() - began
+            self.stages.append(Stage(name=name, why=why, iterations=counter.iterations, seconds=seconds))
+
+
+@dataclass
+class _Counter:
+    iterations: int = 0

@@ -1,0 +1,31 @@
+"""Contact of the belt with a pulley in UFL: penetration, and the two terms of the potential (18.10)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+Expr = Any
+
+
+def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
+    """g = R - |r - C|, signed: positive inside the pulley.
+
+    The source cuts it off at zero (18.11). The sign is what lets a multiplier shrink where the belt lifts off.
+    """
+    return radius - ufl.sqrt(ufl.dot(r - center, r - center))
+
+
+def normal_potential(g: Expr, *, lambda_p: Expr, penalty: Expr) -> Expr:
+    """Augmented Lagrangian of the pressure, per material length.
+
+    Its derivative by g is p = max(0, lambda_p + P g): Rockafellar's form of the first integral of (18.10).
+    """
+    trial = lambda_p + penalty * g
+    return (ufl.max_value(0.0, trial) ** 2 - lambda_p**2) / (2 * penalty)
+
+
+def friction_potential(r: Expr, *, lambda_f: Expr, t: Expr) -> Expr:
+    """Second integrand of (18.10), of which only r is varied: the friction traction is no potential force."""
+    return -lambda_f * ufl.dot(t, r)

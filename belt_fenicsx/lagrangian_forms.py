@@ -1,0 +1,130 @@
+"""Forms of the augmented-Lagrangian method: energy first, then `ufl.derivative`; and the state at the Gauss points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from belt_fenicsx import contact, rod
+from belt_fenicsx.newton import Newton
+from belt_fenicsx.scene import Scene
+from belt_fenicsx.space import CONTACT_DEGREE, HermiteSpace
+
+Array = np.ndarray
+
+# Three Gauss points for the strain energy, as in the source.
+ROD_DEGREE = 5
+
+
+@dataclass(frozen=True)
+class State:
+    """Kinematics at the Gauss points of the owned cells, arrays ``(cells, points, ...)``.
+
+    Attributes:
+        sigma: Material-length coordinate.
+        weights: Gauss weights times d sigma/d eta.
+        r: Position.
+        theta: Angle of the cross-section.
+        dr: r' = D t.
+        kappa: theta'.
+        dD: D'.
+        g: Penetration, negative outside the pulley.
+    """
+
+    sigma: Array
+    weights: Array
+    r: Array
+    theta: Array
+    dr: Array
+    kappa: Array
+    dD: Array
+    g: Array
+
+    @property
+    def D(self) -> Array:
+        """Stretch."""
+        return np.hypot(self.dr[..., 0], self.dr[..., 1])
+
+
+class Problem:
+    """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene."""
+
+    def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], *, frictional: bool) -> None:
+        self.elements, self.frictional = elements, frictional
+        self.space = space = HermiteSpace(elements, comm)
+        self.stiffness = {name: fem.Constant(space.mesh, np.float64(1.0)) for name in ("a", "b1", "b2")}
+        self.radius, self.penalty = (fem.Constant(space.mesh, np.float64(1.0)) for _ in range(2))
+        self.center = fem.Constant(space.mesh, np.zeros(2))
+        self.lambda_p, self.lambda_f = space.gauss_function(), space.gauss_function()
+
+        r, theta = ufl.split(space.w)
+        d_sigma = rod.along(space.sigma)
+        g = contact.penetration(r, radius=self.radius, center=self.center)
+        self.residual = self._residual(r, theta, d_sigma, g)
+        self.jacobian = ufl.derivative(self.residual, space.w)
+        self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
+
+        sigma, D = space.sigma, rod.stretch(r, d_sigma)
+        components = (sigma, sigma.dx(0), r[0], r[1], theta, *d_sigma(r), d_sigma(theta), d_sigma(D), g)
+        self._state = space.expression(ufl.as_vector(components))
+
+    def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
+        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied."""
+        w = self.space.w
+        d_rod, d_contact = (
+            (lambda f, q=degree: f * self.space.sigma.dx(0) * ufl.dx(metadata=_gauss(q)))
+            for degree in (ROD_DEGREE, CONTACT_DEGREE)
+        )
+        U = d_rod(rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness))
+        V = d_contact(contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty))
+        if not self.frictional:
+            return ufl.derivative(U + V, w)
+        frozen = fem.Function(w.function_space)
+        t = rod.tangent(ufl.split(frozen)[0], d_sigma)
+        V_f = d_contact(contact.friction_potential(r, lambda_f=self.lambda_f, t=t))
+        return ufl.replace(ufl.derivative(U + V + V_f, w), {frozen: w})
+
+    def load(self, scene: Scene) -> None:
+        """Sets the parameters of a scene and the map sigma(eta)."""
+        belt, pulley = scene.belt, scene.pulleys[0]
+        self.stiffness["a"].value = belt.bending_stiffness
+        self.stiffness["b1"].value = belt.extensional_stiffness
+        self.stiffness["b2"].value = belt.shear_stiffness
+        self.radius.value = pulley.radius
+        self.center.value[:] = pulley.center
+        size = belt.length / self.elements
+        self.space.set_map(self.nodes(scene), np.full(self.elements + 1, size))
+
+    def nodes(self, scene: Scene) -> Array:
+        """Material-length coordinates of the nodes ``(elements + 1,)``."""
+        return np.linspace(-scene.belt.length / 2, scene.belt.length / 2, self.elements + 1)
+
+    def set_multipliers(self, lambda_p: Array, lambda_f: Array) -> None:
+        """Sets the multipliers at the Gauss points of the owned cells ``(cells, points)``."""
+        self.space.set_gauss(self.lambda_p, lambda_p)
+        if self.frictional:
+            self.space.set_gauss(self.lambda_f, lambda_f)
+
+    def state(self) -> State:
+        """The present state at the Gauss points of the owned cells."""
+        sigma, scale, x, y, theta, dx, dy, kappa, dD, g = np.moveaxis(self.space.at_gauss(self._state), -1, 0)
+        return State(
+            sigma=sigma,
+            weights=scale * self.space.weights,
+            r=np.stack([x, y], axis=-1),
+            theta=theta,
+            dr=np.stack([dx, dy], axis=-1),
+            kappa=kappa,
+            dD=dD,
+            g=g,
+        )
+
+
+def _gauss(degree: int) -> dict[str, Any]:
+    return {"quadrature_degree": degree, "quadrature_scheme": "default"}

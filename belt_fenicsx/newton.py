@@ -1,0 +1,131 @@
+"""Newton's method for a UFL residual by PETSc SNES, set up once and used for many solves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from belt_fenicsx import compat
+
+PREFIX = "belt_"
+
+
+class NewtonError(RuntimeError):
+    """SNES stopped without convergence; the message says why and where."""
+
+
+def reasons(kind: type) -> dict[int, str]:
+    """PETSc's names of the reasons to stop."""
+    return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
+
+
+def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mapping[str, Any] | None) -> None:
+    """Options of a solver: built-in defaults < the caller's < the command line's.
+
+    The options database is global: what was put there for this solver is taken out again.
+    """
+    database = PETSc.Options()
+    wanted = {PREFIX + key: value for key, value in {**defaults, **(options or {})}.items()}
+    added = [key for key in wanted if not database.hasName(key)]
+    for key in added:
+        database[key] = wanted[key]
+    solver.setOptionsPrefix(PREFIX)
+    solver.setFromOptions()
+    for key in added:
+        database.delValue(key)
+
+
+class Newton:
+    """SNES on F(w) = 0 with some dofs of w held at the values that w already has.
+
+    Held dofs are never lifted: their residual is zero and their rows and columns are the identity's, so each
+    iterate keeps the start's values.
+
+    Args:
+        residual: Linear UFL form F.
+        jacobian: Bilinear UFL form J.
+        unknown: The function w.
+        held: Local numbers of the dofs that stay as they are.
+        options: The caller's PETSc options, without the prefix ``belt_``.
+    """
+
+    def __init__(
+        self,
+        residual: Any,
+        jacobian: Any,
+        unknown: fem.Function,
+        held: np.ndarray,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.unknown = unknown
+        self._F, self._J = fem.form(residual), fem.form(jacobian)
+        index_map = unknown.function_space.dofmap.index_map
+        self._held = held[held < index_map.size_local]
+        self._bcs = [fem.dirichletbc(unknown, held.astype(np.int32))]
+        self._w = compat.petsc_vector(unknown)
+        self._b = self._w.duplicate()
+        self._A = petsc.create_matrix(self._J)
+        self._x = self._w.duplicate()
+        comm = unknown.function_space.mesh.comm
+        self.snes = PETSc.SNES().create(comm)
+        self.snes.setFunction(self._residual, self._b)
+        self.snes.setJacobian(self._jacobian, self._A)
+        factor = {} if comm.size == 1 else {"pc_factor_mat_solver_type": "mumps"}
+        defaults = {
+            "snes_type": "newtonls",
+            "snes_linesearch_type": "bt",
+            "snes_stol": 0.0,
+            "snes_max_it": 50,
+            "ksp_type": "preonly",
+            "pc_type": "lu",
+            **factor,
+        }
+        set_options(self.snes, defaults, options)
+
+    def _load(self, x: PETSc.Vec) -> None:
+        x.copy(self._w)
+        self._w.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        self._load(x)
+        with b.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(b, self._F)
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        b.array_w[self._held] = 0.0
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        P.zeroEntries()
+        petsc.assemble_matrix(P, self._J, bcs=self._bcs)
+        P.assemble()
+
+    def solve(self, *, rtol: float = 0.0, atol: float = 0.0) -> int:
+        """Solves from the unknown's present value.
+
+        Args:
+            rtol: Residual norm to reach, relative to the start's.
+            atol: Residual norm to reach; the larger of the two counts.
+
+        Returns:
+            Number of iterations.
+
+        Raises:
+            NewtonError: No convergence.
+        """
+        self.snes.setTolerances(rtol=rtol, atol=atol)
+        self._w.copy(self._x)
+        self.snes.solve(None, self._x)
+        self._load(self._x)
+        reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
+        if reason <= 0:
+            name = reasons(PETSc.SNES.ConvergedReason).get(reason, str(reason))
+            raise NewtonError(
+                f"SNES stopped with {name} after {iterations} iterations at residual norm "
+                f"{self.snes.getFunctionNorm():.3g}"
+            )
+        return iterations

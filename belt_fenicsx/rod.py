@@ -1,0 +1,46 @@
+"""The shear-deformable rod in UFL: strains (18.6) and strain energy (18.9) of a position r and an angle theta."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import ufl
+
+Expr = Any
+Derivative = Callable[[Expr], Expr]
+
+
+class Strains(NamedTuple):
+    """Axial strain, shear strain and bending strain."""
+
+    eps: Expr
+    Gamma: Expr
+    kappa: Expr
+
+
+def along(sigma: Expr) -> Derivative:
+    """The derivative d/dsigma on a mesh of unit cells, sigma = sigma(eta)."""
+    return lambda field: field.dx(0) / sigma.dx(0)
+
+
+def stretch(r: Expr, d_sigma: Derivative) -> Expr:
+    """D = |r'| (18.6)."""
+    return ufl.sqrt(ufl.dot(d_sigma(r), d_sigma(r)))
+
+
+def tangent(r: Expr, d_sigma: Derivative) -> Expr:
+    """Unit tangent t = r'/D (18.2)."""
+    return d_sigma(r) / stretch(r, d_sigma)
+
+
+def strains(r: Expr, theta: Expr, d_sigma: Derivative) -> Strains:
+    """eps = r'.e1 - 1, Gamma = r'.e2, kappa = theta' with the axes (18.3) of the cross-section."""
+    e1 = ufl.as_vector([ufl.cos(theta), ufl.sin(theta)])
+    e2 = ufl.as_vector([-ufl.sin(theta), ufl.cos(theta)])
+    return Strains(eps=ufl.dot(d_sigma(r), e1) - 1, Gamma=ufl.dot(d_sigma(r), e2), kappa=d_sigma(theta))
+
+
+def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
+    """Strain energy per material length, the integrand of (18.9)."""
+    return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2

@@ -1,0 +1,118 @@
+"""The front door: which method answers a scene, and what is checked before anything is set up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from belt_fenicsx.scene import Scene, SceneError, number
+from belt_fenicsx.solution import Fields, Solution, Stage, Status, Zone, finish
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+METHODS = ("fitted", "augmented-lagrangian")
+RTOL_RANGE = (1e-13, 1e-1)
+
+
+def solve(
+    scene: Scene,
+    *,
+    method: str = "fitted",
+    rtol: float = 1e-8,
+    elements: int | None = None,
+    comm: MPI.Comm | None = None,
+    options: Mapping[str, Any] | None = None,
+    initial: Solution | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Solves a scene by finite elements.
+
+    Args:
+        scene: The scene.
+        method: ``"fitted"``, zones bounded by nodes that move; or ``"augmented-lagrangian"``, the source's method on
+            a fixed mesh (18.2).
+        rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
+        elements: Number of elements; chosen by the method where it is left out.
+        comm: MPI communicator; all ranks by default.
+        options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
+        initial: A solution to start from; first stages are then left out.
+        throw: Whether a failure raises; otherwise its solution is given back.
+
+    Returns:
+        The solution, the same on every rank.
+
+    Raises:
+        SceneError: The scene, or an argument, cannot be meant; on all ranks, before anything collective.
+        SolveError: No admissible solution was found and ``throw`` is true.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError("scene", "be a Scene", scene)
+    if method not in METHODS:
+        raise SceneError("method", f"be one of {', '.join(METHODS)}", method)
+    check_rtol(rtol)
+    if not touches(scene):
+        return finish(clear_of_pulley(scene, method), throw=throw)
+    common = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
+    if elements is not None:
+        common["elements"] = elements
+    if method == "fitted":
+        from belt_fenicsx import fitted
+
+        return fitted.solve(scene, **common)
+    from belt_fenicsx import augmented_lagrangian
+
+    return augmented_lagrangian.solve(scene, **common)
+
+
+def check_rtol(rtol: float) -> float:
+    """Checks a relative tolerance.
+
+    Raises:
+        SceneError: It is no number, or outside of what double precision can give.
+    """
+    low, high = RTOL_RANGE
+    if not low <= number("rtol", rtol, "-") <= high:
+        raise SceneError("rtol", f"lie in [{low:g}, {high:g}] [-]", rtol)
+    return rtol
+
+
+def touches(scene: Scene) -> bool:
+    """Whether the pulley reaches above the straight line between the clamps."""
+    pulley = scene.pulleys[0]
+    xc, H = pulley.center
+    nearest = math.hypot(max(0.0, abs(xc) - scene.span / 2), H)
+    return H >= 0.0 or nearest < pulley.radius
+
+
+def clear_of_pulley(scene: Scene, method: str) -> Solution:
+    """The straight belt above a pulley that it does not touch: nothing to solve."""
+    import numpy as np
+
+    belt = scene.belt
+    stretch = scene.span / belt.length
+    sigma = np.array([-0.5, 0.5]) * belt.length
+    zero = np.zeros(2)
+    fields = Fields.from_state(
+        belt,
+        zone=np.zeros(2, dtype=int),
+        sigma=sigma,
+        r=np.column_stack([stretch * sigma, zero]),
+        theta=zero,
+        phi=zero,
+        D=np.full(2, stretch),
+        kappa=zero,
+        p=zero,
+        f=zero,
+        v_rel=np.full(2, np.nan),
+    )
+    half = scene.span / 2
+    return Solution(
+        scene=scene,
+        method=method,
+        status=Status.NO_CONTACT,
+        zones=(Zone(kind="free", sigma=(float(sigma[0]), float(sigma[1])), x=(-half, half)),),
+        fields=fields,
+        stages=(Stage(name="contact", why="skipped: the straight belt does not touch the pulley"),),
+    )

@@ -1,0 +1,102 @@
+"""The mixed (r, theta) space of cubic Hermite elements, its nodal values, and data at the Gauss points.
+
+Hermite's slope dofs are reference derivatives and DOLFINx does not interpolate into them, so nodal values are
+set here, by number, on a mesh of unit cells (see `belt_fenicsx.mesh`).
+"""
+
+from __future__ import annotations
+
+import basix
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from belt_fenicsx import compat
+from belt_fenicsx.mesh import unit_cells
+
+Array = np.ndarray
+
+# Local dofs of a cell, value and slope of the left node, then of the right one; r comes first, blocked.
+X_DOFS, Y_DOFS, THETA_DOFS = (0, 2, 4, 6), (1, 3, 5, 7), (8, 9, 10, 11)
+SLOPE = (1, 3)
+VALUE = (0, 2)
+
+# Two Gauss points for contact: as many conditions in a cell as it has dofs of normal (and tangential) motion. The
+# circle is then collocated to rounding; a third point leaves a penetration that no multiplier can close.
+CONTACT_DEGREE = 3
+
+
+class HermiteSpace:
+    """Cubic Hermite functions (r, theta) of eta on unit cells, and the C1 map sigma(eta).
+
+    Attributes:
+        comm: The communicator.
+        mesh: Mesh of unit cells.
+        w: The function (r, theta).
+        sigma: The map to the material-length coordinate.
+        clamped: Local dofs of x, y and theta at the two clamps.
+        weights: Gauss weights of a unit cell ``(points,)``.
+        eta: Coordinates of the owned cells' Gauss points ``(cells, points)``.
+    """
+
+    def __init__(self, elements: int, comm: MPI.Comm) -> None:
+        self.comm = comm
+        self.mesh = unit_cells(elements, comm)
+        scalar = compat.function_space(self.mesh, compat.hermite())
+        mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
+        self._gauss_space = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
+        self.w, self.sigma = fem.Function(mixed), fem.Function(scalar)
+        self._dofs = compat.table(mixed.dofmap.list)
+        self._sigma_dofs = compat.table(scalar.dofmap.list)
+        self._gauss_dofs = compat.table(self._gauss_space.dofmap.list)
+        self._nodes = self.mesh.geometry.x[:, 0][compat.table(self.mesh.geometry.dofmap)]
+        self.clamped = self._dofs_at_ends(elements)
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        self._cells = np.arange(owned, dtype=np.int32)
+        self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
+        self.eta = self._nodes[:owned, :1] + np.diff(self._nodes[:owned]) * self.points.ravel()
+
+    def _dofs_at_ends(self, elements: int) -> Array:
+        at_end = (self._nodes == 0.0) | (self._nodes == float(elements))
+        values = [self._dofs[:, np.take(dofs, VALUE)][at_end] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
+        return np.unique(np.concatenate(values)).astype(np.int32)
+
+    def _set_nodal(self, function: fem.Function, dofs: Array, values: Array, slopes: Array) -> None:
+        nodes = np.rint(self._nodes).astype(int)
+        function.x.array[np.take(dofs, VALUE, axis=1)] = values[nodes]
+        function.x.array[np.take(dofs, SLOPE, axis=1)] = slopes[nodes]
+
+    def set_map(self, sigma: Array, slopes: Array) -> None:
+        """Sets sigma and d sigma/d eta at the nodes ``(elements + 1,)``."""
+        self._set_nodal(self.sigma, self._sigma_dofs, sigma, slopes)
+
+    def set_state(self, values: Array, slopes: Array) -> None:
+        """Sets x, y, theta and their derivatives by eta at the nodes ``(elements + 1, 3)``."""
+        for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
+            self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
+
+    def gauss_function(self) -> fem.Function:
+        """A new coefficient with one value for each Gauss point, zero."""
+        return fem.Function(self._gauss_space)
+
+    def set_gauss(self, function: fem.Function, values: Array) -> None:
+        """Sets a Gauss-point coefficient from values on the owned cells ``(cells, points)``."""
+        function.x.array[self._gauss_dofs[: len(self._cells)]] = values
+
+    def expression(self, expr: object) -> fem.Expression:
+        """Compiles a vector-valued UFL expression for the Gauss points."""
+        return fem.Expression(expr, self.points)
+
+    def at_gauss(self, expression: fem.Expression) -> Array:
+        """Values at the owned cells' Gauss points ``(cells, points, size)``."""
+        return compat.evaluate(expression, self.mesh, self._cells).reshape(*self.eta.shape, -1)
+
+    def gather(self, values: Array) -> Array:
+        """Gauss-point values of all ranks, sorted along the belt, on every rank.
+
+        Args:
+            values: Values on the owned cells ``(cells, points, ...)``.
+        """
+        parts = self.comm.allgather((self.eta.ravel(), values.reshape(self.eta.size, *values.shape[2:])))
+        eta, everything = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return everything[np.argsort(eta)]
