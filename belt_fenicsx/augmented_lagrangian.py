@@ -65,9 +65,9 @@ class Penalties:
 
     @classmethod
     def of(cls, scene: Scene, elements: int, scale: float = 1.0) -> Penalties:
-        """The penalties of the pressure, ``scale`` times the usual ones, and of the friction."""
+        """The penalties for a scene and a number of equal elements; ``scale`` is a factor on the full one."""
         belt, radius = scene.belt, scene.pulleys[0].radius
-        relaxed = scale * 50.0 * belt.extensional_stiffness / radius**2
+        relaxed = 50.0 * belt.extensional_stiffness / radius**2
         full = scale * 32.0 * belt.shear_stiffness * (elements / belt.length) ** 2
         return cls(relaxed=relaxed, full=max(relaxed, full), growth=10.0, friction=belt.extensional_stiffness)
 
@@ -131,7 +131,7 @@ def solve(
         scene: The scene; its pulley is driven by ``x_trans``.
         elements: Number of elements.
         rtol: Relative change of omega that the last updates may still make; its error is the mesh's.
-        penalty_scale: Factor on the penalties that are chosen from the scene's stiffnesses.
+        penalty_scale: Factor on the full penalty, which is chosen from the scene's stiffnesses.
         comm: MPI communicator; all ranks by default.
         options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
         initial: A solution to start from, of any method; the first phase is then left out.

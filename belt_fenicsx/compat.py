@@ -45,6 +45,13 @@ def function_space(domain: mesh.Mesh, element: Any) -> Any:
     return fem.functionspace(domain, element) if hasattr(fem, "functionspace") else fem.FunctionSpace(domain, element)
 
 
+def nodes(domain: mesh.Mesh) -> Array:
+    """Coordinates of each cell's two nodes ``(cells, 2)``."""
+    geometry = domain.geometry
+    dofmap = geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
+    return geometry.x[:, 0][table(dofmap)]
+
+
 def table(dofmap: Any) -> Array:
     """Dof numbers as an array with one row for each cell."""
     return np.asarray(dofmap) if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(dofmap.num_nodes, -1)

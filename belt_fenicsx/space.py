@@ -49,7 +49,7 @@ class HermiteSpace:
         self._dofs = compat.table(mixed.dofmap.list)
         self._sigma_dofs = compat.table(scalar.dofmap.list)
         self._gauss_dofs = compat.table(self._gauss_space.dofmap.list)
-        self._nodes = self.mesh.geometry.x[:, 0][compat.table(self.mesh.geometry.dofmap)]
+        self._nodes = compat.nodes(self.mesh)
         self.clamped = self._dofs_at_ends(elements)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         self._cells = np.arange(owned, dtype=np.int32)

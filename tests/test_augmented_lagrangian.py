@@ -1,0 +1,183 @@
+"""The augmented-Lagrangian method against reference numbers, limits and invariances."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, solve
+from belt_fenicsx.augmented_lagrangian import Penalties
+from belt_fenicsx.augmented_lagrangian import solve as solve_fixed
+
+OMEGA = 1.4807092526223
+
+
+def scene(**pulley):
+    return Scene(pulleys=(Pulley(**pulley),))
+
+
+@pytest.fixture(scope="module")
+def published():
+    return solve_fixed(Scene())
+
+
+def test_published_case(published):
+    contact = published.contacts[0]
+    assert published.status is Status.SOLVED
+    assert published.omega == pytest.approx(OMEGA, rel=1e-5)
+    assert contact.x_up == pytest.approx(-0.2373388667, abs=1e-3)
+    assert contact.x_off == pytest.approx(0.2360980112, abs=1e-3)
+    assert contact.torque == pytest.approx(610.315737, rel=1e-3)
+    assert [(zone.kind, zone.slip) for zone in published.zones] == [
+        ("free", None),
+        ("stick", None),
+        ("slip", "forward"),
+        ("free", None),
+    ]
+
+
+def test_reports_what_the_updates_stopped_on(published):
+    assert published.measures["multiplier_change"] <= 1e-5
+    assert published.measures["penetration"] <= 1e-9
+    assert set(published.timings) == {"set-up", "relaxed", "frictional"}
+
+
+def test_contact_forces_near_the_borders_are_as_good_as_an_element(published):
+    fields = published.fields
+    touching = np.flatnonzero(fields.p > 0.0)
+    # The pressure falls by its own size within a shear layer of 0.025 m: an element is 0.4 of it.
+    assert np.max(fields.p[: len(fields.p) // 2]) == pytest.approx(49538.40, rel=0.15)
+    assert np.max(fields.p[len(fields.p) // 2 :]) == pytest.approx(50996.57, rel=0.15)
+    after = touching[fields.x[touching] > 0.01][0]
+    assert fields.f[after] == pytest.approx(-2700.23, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("pulley", "omega", "rel"),
+    [
+        ({"x_trans": "run-off"}, 1.4825151024971, 1e-5),
+        ({"x_trans": "run-up"}, 1.4779052879917, 5e-5),
+        ({"slip": "backward"}, 1.4841983139747, 1e-5),
+        ({"x_trans": "run-up", "slip": "backward"}, 1.4874009496195, 5e-5),
+    ],
+)
+def test_limits(pulley, omega, rel):
+    assert solve_fixed(scene(**pulley)).omega == pytest.approx(omega, rel=rel)
+
+
+def test_error_falls_with_the_number_of_elements():
+    counts = np.array([50, 100, 200, 400, 800])
+    errors = np.array([abs(solve_fixed(Scene(), elements=int(n)).omega / OMEGA - 1.0) for n in counts])
+    assert np.all(errors < 1e-3 / counts)
+    order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert order > 0.9
+
+
+def test_entry_slip_zone_appears_where_stick_would_break_coulombs_bound():
+    solution = solve_fixed(scene(friction=0.02), elements=400)
+    kinds = [(zone.kind, zone.slip) for zone in solution.zones]
+    assert kinds == [("free", None), ("slip", "forward"), ("stick", None), ("slip", "forward"), ("free", None)]
+    assert solution.zones[1].x[1] == pytest.approx(-0.2115616953, abs=1.0 / 400)
+    assert solution.omega == pytest.approx(1.482261967364, rel=1e-6)
+
+
+def test_frictionless_belt_transmits_no_moment():
+    solution = solve_fixed(scene(friction=0.0))
+    assert solution.contacts[0].torque == 0.0
+    assert np.all(solution.fields.f == 0.0)
+    assert [zone.kind for zone in solution.zones] == ["free", "slip", "free"]
+
+
+BELT = Belt()
+
+
+@pytest.mark.parametrize(
+    ("changed", "factor"),
+    [
+        (Scene(belt=Belt(youngs_modulus=3e9)), 1.0),
+        (Scene(belt=Belt(width=0.7)), 1.0),
+        (Scene(transport_rate=12.5), 12.5),
+        (
+            Scene(
+                belt=Belt(length=40.0, thickness=2.0, width=4.0),
+                pulleys=(Pulley(radius=28.0, center=(0.0, -23.0)),),
+                span=40.0,
+            ),
+            1 / 40.0,
+        ),
+    ],
+    ids=["modulus", "width", "transport rate", "lengths"],
+)
+def test_invariance(published, changed, factor):
+    assert solve_fixed(changed).omega == pytest.approx(factor * published.omega, rel=1e-10)
+
+
+def test_mirror_with_reversed_travel_exchanges_the_senses_of_slip():
+    right, left = (
+        solve_fixed(scene(center=(xc, -0.575), x_trans="run-up", slip=slip)).contacts[0]
+        for xc, slip in ((0.03, "forward"), (-0.03, "backward"))
+    )
+    assert (right.x_up, right.x_off) == pytest.approx((-left.x_off, -left.x_up), abs=1e-8)
+    assert right.torque == pytest.approx(-left.torque, rel=1e-8)
+
+
+@pytest.mark.parametrize("scale", [1e-1, 1e1, 1e2, 1e3])
+def test_answer_does_not_depend_on_the_penalty(published, scale):
+    assert solve_fixed(Scene(), penalty_scale=scale).omega == pytest.approx(published.omega, rel=1e-8)
+
+
+def test_too_soft_a_penalty_is_no_answer():
+    solution = solve_fixed(Scene(), penalty_scale=1e-3, throw=False)
+    assert solution.status is Status.MULTIPLIERS_DIVERGED
+    assert "200 updates left" in solution.message
+
+
+def test_penalties_scale_with_the_stiffness_and_the_mesh():
+    one, other = Penalties.of(Scene(), 100), Penalties.of(Scene(belt=Belt(youngs_modulus=1e8)), 200)
+    assert other.relaxed == pytest.approx(2 * one.relaxed)
+    assert other.full == pytest.approx(8 * one.full)
+    assert other.friction == pytest.approx(2 * one.friction)
+
+
+def test_warm_start_skips_the_first_phase(published):
+    again = solve_fixed(scene(x_trans=0.02), initial=published)
+    cold = solve_fixed(scene(x_trans=0.02))
+    assert again.omega == pytest.approx(cold.omega, rel=1e-8)
+    assert again.iterations < cold.iterations
+    (skipped,) = [stage for stage in again.stages if stage.iterations is None]
+    assert skipped.name == "relaxed"
+    assert "initial" in skipped.why
+
+
+def test_warm_start_from_another_mesh(published):
+    finer = solve_fixed(Scene(), elements=200, initial=published)
+    assert finer.omega == pytest.approx(solve_fixed(Scene(), elements=200).omega, rel=1e-8)
+
+
+def test_transition_outside_contact_names_the_contact_zone():
+    with pytest.raises(SceneError, match=r"`pulleys.0.x_trans` must lie in the contact zone \(-0.23.*, 0.23.*\) \[m\]"):
+        solve_fixed(scene(x_trans=0.3))
+
+
+def test_failure_names_its_stage_and_can_be_had_without_an_exception():
+    options = {"snes_max_it": 1}
+    solution = solve_fixed(Scene(), options=options, throw=False)
+    assert solution.status is Status.NEWTON_DIVERGED
+    assert solution.message.startswith("Stage `relaxed`: SNES stopped with")
+    assert not solution.success
+    with pytest.raises(SolveError, match="Newton's iteration did not converge"):
+        solve_fixed(Scene(), options=options)
+
+
+def test_more_ranks_than_elements():
+    with pytest.raises(SceneError, match="`elements` must be a whole number of at least"):
+        solve_fixed(Scene(), elements=0)
+
+
+def test_pulley_below_the_straight_belt_costs_no_solve():
+    below = dataclasses.replace(Scene(), pulleys=(Pulley(center=(0.0, -0.8)),))
+    solution = solve(below, throw=False)
+    assert solution.status is Status.NO_CONTACT
+    assert not solution.success
+    assert solution.contacts == ()
+    assert [stage.iterations for stage in solution.stages] == [None]
