@@ -1,6 +1,6 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
-1. Frictionless, with a relaxed penalty, from the straight belt.
+1. Frictionless, with a relaxed penalty, from the taut string.
 2. With friction, and a penalty that grows to its full value:
    lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
    lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
@@ -33,6 +33,7 @@ from belt_fenicsx.lagrangian_forms import Problem, State
 from belt_fenicsx.newton import NewtonError
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
 from belt_fenicsx.solution import Fields, Solution, Stage, Status, finish
+from belt_fenicsx.taut_string import taut_string
 
 Array = np.ndarray
 logger = logging.getLogger(__name__)
@@ -41,6 +42,7 @@ NAME = "augmented-lagrangian"
 MAX_UPDATES = 200
 NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
 PENETRATION_TOL = 1e-9
+LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
 # resultant, is closer to its limit by four to five digits.
 MULTIPLIER_CHANGE_PER_RTOL = 1e3
@@ -218,12 +220,19 @@ class _Run:
         return {"stages": tuple(self.stages), "iterations": iterations, "measures": self.measures}
 
     def relaxed(self, why: str) -> None:
-        """First phase: frictionless with the relaxed penalty, from the straight belt."""
-        nodes = self.problem.nodes(self.scene)
-        stretch = self.scene.span / self.scene.belt.length
-        values, slopes = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
-        values[:, 0], slopes[:, 0] = stretch * nodes, stretch * np.diff(nodes)[0]
-        self._set_state(values, slopes)
+        """First phase: frictionless with the relaxed penalty, from the taut string and its pressure T D / R."""
+        string = taut_string(self.scene, layers=True)
+        if string is None:
+            raise _ContactLost("the taut string does not touch the pulley")
+        nodes, at = self.problem.nodes(self.scene), self._gauss_points()
+        D, phi, kappa = string.D(nodes), string.phi(nodes), string.kappa(nodes)
+        self._set_state(
+            np.column_stack([string.r(nodes), phi]), np.column_stack([D * np.cos(phi), D * np.sin(phi), kappa])
+        )
+        tension = self.scene.belt.extensional_stiffness * float(np.mean(string.strain))
+        touching = (string.borders[0] <= at) & (at <= string.borders[-1])
+        pressure = np.where(touching, tension * np.mean(string.stretches) / self.pulley.radius, 0.0)
+        self.multipliers = Multipliers(p=pressure, f=np.zeros_like(at))
         with self._stage("relaxed", why) as stage:
             stage.iterations = self._newton()
             self._update(self.problem.state(), friction=0.0)
@@ -231,29 +240,44 @@ class _Run:
     def warm(self, fields: Fields) -> None:
         """Skips the first phase: state and multipliers from the fields of another solution."""
         self.stages.append(Stage(name="relaxed", why="skipped: an initial solution was given"))
-        space, nodes = self.problem.space, self.problem.nodes(self.scene)
         sigma, index = np.unique(fields.sigma, return_index=True)
         D, phi = fields.D[index], fields.phi[index]
         values = np.column_stack([fields.r, fields.theta])[index]
         slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), fields.kappa[index]])
         spline = CubicHermiteSpline(sigma, values, slopes)
-        self._set_state(spline(nodes), spline(nodes, 1) * np.diff(nodes)[0])
-        at = nodes[0] + space.eta * np.diff(nodes)[0]
+        nodes, at = self.problem.nodes(self.scene), self._gauss_points()
+        self._set_state(spline(nodes), spline(nodes, 1))
         self.multipliers = Multipliers(p=np.interp(at, fields.sigma, fields.p), f=np.interp(at, fields.sigma, fields.f))
         self.penalty = self.penalties.full
 
+    def _gauss_points(self) -> Array:
+        """Material-length coordinates of the owned cells' Gauss points ``(cells, points)``."""
+        nodes = self.problem.nodes(self.scene)
+        return nodes[0] + self.problem.space.eta * (nodes[1] - nodes[0])
+
     def _set_state(self, values: Array, slopes: Array) -> None:
-        for end, side in ((0, -0.5), (-1, 0.5)):
-            values[end] = (side * self.scene.span, 0.0, 0.0)
-        self.problem.space.set_state(values, slopes)
+        """Sets x, y, theta and their derivatives by sigma at the nodes, with the clamps where they are."""
+        values[0], values[-1] = (-self.scene.span / 2, 0.0, 0.0), (self.scene.span / 2, 0.0, 0.0)
+        self.problem.space.set_state(values, slopes * self.scene.belt.length / self.problem.elements)
 
     def frictional(self, rtol: float) -> State:
         """Second phase: updates with friction until multipliers and penetration are at rest."""
         friction = self.penalties.friction if self.problem.frictional else 0.0
+        growth = self.penalties.growth
         with self._stage("frictional", "always" if friction else "always (no friction: the pressure only)") as stage:
             for update in range(1, MAX_UPDATES + 1):
-                self.penalty = min(self.penalties.full, self.penalty * self.penalties.growth)
-                stage.iterations += self._newton()
+                penalty = self.penalty
+                self.penalty = min(self.penalties.full, penalty * growth)
+                try:
+                    stage.iterations += self._newton()
+                except NewtonError as failure:
+                    # The contact zone moves too far in one step: more updates at penalties that still converge.
+                    stage.iterations += failure.iterations
+                    growth = growth**0.5
+                    if growth < LEAST_GROWTH or self.penalty == penalty:
+                        raise
+                    self.penalty = penalty
+                    stage.iterations += self._newton()
                 state = self.problem.state()
                 self._update(state, friction=friction)
                 logger.info("update %d: %s", update, self.measures)

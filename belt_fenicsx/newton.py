@@ -16,7 +16,18 @@ PREFIX = "belt_"
 
 
 class NewtonError(RuntimeError):
-    """SNES stopped without convergence; the message says why and where."""
+    """SNES stopped without convergence; the message says why and where.
+
+    Attributes:
+        iterations: Iterations that were done.
+    """
+
+    def __init__(self, message: str, iterations: int) -> None:
+        self.iterations = iterations
+        super().__init__(message, iterations)
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def reasons(kind: type) -> dict[int, str]:
@@ -70,7 +81,7 @@ class Newton:
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
         self._A = petsc.create_matrix(self._J)
-        self._x = self._w.duplicate()
+        self._x, self._start = self._w.duplicate(), self._w.duplicate()
         comm = unknown.function_space.mesh.comm
         self.snes = PETSc.SNES().create(comm)
         self.snes.setFunction(self._residual, self._b)
@@ -115,17 +126,19 @@ class Newton:
             Number of iterations.
 
         Raises:
-            NewtonError: No convergence.
+            NewtonError: No convergence; the unknown is left as it was.
         """
         self.snes.setTolerances(rtol=rtol, atol=atol)
         self._w.copy(self._x)
+        self._w.copy(self._start)
         self.snes.solve(None, self._x)
-        self._load(self._x)
         reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
+        self._load(self._x if reason > 0 else self._start)
         if reason <= 0:
             name = reasons(PETSc.SNES.ConvergedReason).get(reason, str(reason))
             raise NewtonError(
                 f"SNES stopped with {name} after {iterations} iterations at residual norm "
-                f"{self.snes.getFunctionNorm():.3g}"
+                f"{self.snes.getFunctionNorm():.3g}",
+                iterations,
             )
         return iterations

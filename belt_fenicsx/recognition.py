@@ -124,19 +124,21 @@ def _border(data: GaussData, kinds: Array, start: int, x_trans: float | str | No
     """Material coordinate of the border between the points ``start - 1`` and ``start``."""
     before, after = start - 1, start
     if kinds[before] == FREE:
-        return _lift_off(data, before - 1, before)
+        return _lift_off(data, before, -1)
     if kinds[after] == FREE:
-        return _lift_off(data, after + 1, after)
+        return _lift_off(data, after, 1)
     if data.share[before] < 0.5 <= data.share[after]:
         return _sigma_at(data, before, x_trans)
     return float(data.sigma[before] + data.sigma[after]) / 2
 
 
-def _lift_off(data: GaussData, far: int, near: int) -> float:
+def _lift_off(data: GaussData, near: int, outwards: int) -> float:
     """Border of contact, seen from the free side, where the gap grows with the square of the distance."""
-    gaps = np.sqrt(np.maximum(-data.g[[far, near]], 0.0))
-    slope = (gaps[1] - gaps[0]) / (data.sigma[near] - data.sigma[far])
-    return float(data.sigma[near] - gaps[1] / slope)
+    far, touching = near + outwards, near - outwards
+    gaps = np.sqrt(np.maximum(-data.g.take([far, near], mode="clip"), 0.0))
+    if gaps[0] <= gaps[1]:
+        return float(data.sigma[near] + data.sigma[touching]) / 2
+    return float(data.sigma[near] + (data.sigma[near] - data.sigma[far]) * gaps[1] / (gaps[0] - gaps[1]))
 
 
 def _sigma_at(data: GaussData, near: int, x: float) -> float:
