@@ -1,6 +1,6 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
-1. Frictionless, with a relaxed penalty, from the taut string.
+1. Frictionless, with a relaxed penalty, from the taut string; on a fine mesh, a solution on a coarser one instead.
 2. With friction, and a penalty that grows to its full value:
    lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
    lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
@@ -20,7 +20,7 @@ import functools
 import logging
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,7 @@ NAME = "augmented-lagrangian"
 MAX_UPDATES = 200
 NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
 PENETRATION_TOL = 1e-9
+FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
 LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
 # resultant, is closer to its limit by four to five digits.
@@ -110,7 +111,7 @@ def slip_share(state: State, pulley: Pulley) -> Array:
     return np.clip((state.r[..., 0] - pulley.x_trans) / width + 0.5, 0.0, 1.0)
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=16)
 def _problem(elements: int, comm: int, options: tuple[tuple[str, Any], ...], frictional: bool) -> Problem:
     """What scenes share is made once: forms and function spaces cost a hundred times a solve."""
     return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
@@ -148,9 +149,16 @@ def solve(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
+    stages: list[Stage] = []
+    common = {"penalty_scale": penalty_scale, "comm": comm, "options": options}
+    if initial is None and elements >= FINE:
+        # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
+        coarse = solve(scene, elements=elements // COARSENING, rtol=COARSE_RTOL, throw=False, **common)
+        stages += [_on_mesh(stage, elements // COARSENING) for stage in coarse.stages]
+        initial = coarse if coarse.fields is not None else None
     began = time.perf_counter()
     problem = _problem(elements, comm.py2f(), tuple(sorted((options or {}).items())), plain.pulleys[0].friction > 0.0)
-    stages = [Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began)]
+    stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
     run = _Run(problem, plain, Penalties.of(plain, elements, penalty_scale), stages)
     if initial is None or initial.fields is None:
         start = functools.partial(run.relaxed, "no initial solution was given")
@@ -161,6 +169,11 @@ def solve(
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=recognition.tolerance(elements))
     return finish(solution, throw=throw)
+
+
+def _on_mesh(stage: Stage, elements: int) -> Stage:
+    """Says in a coarse mesh's stage which mesh it was."""
+    return stage if stage.name.endswith("elements") else replace(stage, name=f"{stage.name}, {elements} elements")
 
 
 class _ContactLost(RuntimeError):
@@ -221,17 +234,17 @@ class _Run:
 
     def relaxed(self, why: str) -> None:
         """First phase: frictionless with the relaxed penalty, from the taut string and its pressure T D / R."""
-        string = taut_string(self.scene, layers=True)
+        string = taut_string(self.scene)
         if string is None:
             raise _ContactLost("the taut string does not touch the pulley")
-        nodes, at = self.problem.nodes(self.scene), self._gauss_points()
-        D, phi, kappa = string.D(nodes), string.phi(nodes), string.kappa(nodes)
-        self._set_state(
-            np.column_stack([string.r(nodes), phi]), np.column_stack([D * np.cos(phi), D * np.sin(phi), kappa])
-        )
+        up, off = string.borders[0], string.borders[-1]
+        radius, nodes, at = self.pulley.radius, self.problem.nodes(self.scene), self._gauss_points()
+        D, phi = string.D(nodes), string.phi(nodes)
+        kappa = np.where((up <= nodes) & (nodes <= off), -D / radius, 0.0)
+        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), kappa])
+        self._set_state(np.column_stack([string.r(nodes), phi]), slopes)
         tension = self.scene.belt.extensional_stiffness * float(np.mean(string.strain))
-        touching = (string.borders[0] <= at) & (at <= string.borders[-1])
-        pressure = np.where(touching, tension * np.mean(string.stretches) / self.pulley.radius, 0.0)
+        pressure = np.where((up <= at) & (at <= off), tension * float(np.mean(D)) / radius, 0.0)
         self.multipliers = Multipliers(p=pressure, f=np.zeros_like(at))
         with self._stage("relaxed", why) as stage:
             stage.iterations = self._newton()
@@ -239,7 +252,7 @@ class _Run:
 
     def warm(self, fields: Fields) -> None:
         """Skips the first phase: state and multipliers from the fields of another solution."""
-        self.stages.append(Stage(name="relaxed", why="skipped: an initial solution was given"))
+        self.stages.append(Stage(name="relaxed", why="skipped: there is an initial solution"))
         sigma, index = np.unique(fields.sigma, return_index=True)
         D, phi = fields.D[index], fields.phi[index]
         values = np.column_stack([fields.r, fields.theta])[index]

@@ -13,6 +13,8 @@ from petsc4py import PETSc
 from belt_fenicsx import compat
 
 PREFIX = "belt_"
+# Measured on two ranks: up to 300 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
+REDUNDANT = 300_000
 
 
 class NewtonError(RuntimeError):
@@ -51,6 +53,15 @@ def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mappin
         database.delValue(key)
 
 
+def factorisation(ranks: int, size: int) -> dict[str, str]:
+    """Options of the sparse LU: on several ranks, a small matrix is cheaper to factor on each than to share."""
+    if ranks == 1:
+        return {"pc_type": "lu"}
+    if size <= REDUNDANT:
+        return {"pc_type": "redundant"}
+    return {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+
+
 class Newton:
     """SNES on F(w) = 0 with some dofs of w held at the values that w already has.
 
@@ -86,15 +97,14 @@ class Newton:
         self.snes = PETSc.SNES().create(comm)
         self.snes.setFunction(self._residual, self._b)
         self.snes.setJacobian(self._jacobian, self._A)
-        factor = {} if comm.size == 1 else {"pc_factor_mat_solver_type": "mumps"}
+        size = index_map.size_global * unknown.function_space.dofmap.index_map_bs
         defaults = {
             "snes_type": "newtonls",
             "snes_linesearch_type": "bt",
             "snes_stol": 0.0,
             "snes_max_it": 50,
             "ksp_type": "preonly",
-            "pc_type": "lu",
-            **factor,
+            **factorisation(comm.size, size),
         }
         set_options(self.snes, defaults, options)
 

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 # Told apart in grey, too: by the kind of line for a method, by hatching and shade for a zone.
 STYLES = {
-    "bvp": {"linestyle": ":", "linewidth": 2.2, "color": "black"},
-    "augmented-lagrangian": {"linestyle": "--", "linewidth": 1.4, "color": "tab:orange"},
-    "fitted": {"linestyle": "-", "linewidth": 1.0, "color": "tab:blue"},
+    "bvp": {"linestyle": ":", "linewidth": 1.6, "color": "black", "zorder": 3.0},
+    "augmented-lagrangian": {"linestyle": (0, (5, 2)), "linewidth": 3.0, "color": "tab:orange", "alpha": 0.75},
+    "fitted": {"linestyle": "-", "linewidth": 1.2, "color": "tab:blue"},
 }
 NAMES = {"bvp": "BVP", "augmented-lagrangian": "FEM, fixed mesh", "fitted": "FEM, fitted zones"}
 ZONE_STYLES = {

@@ -160,7 +160,7 @@ def test_transition_outside_contact_names_the_contact_zone():
 
 
 def test_failure_names_its_stage_and_can_be_had_without_an_exception():
-    options = {"snes_max_it": 1}
+    options = {"pc_type": "none"}
     solution = solve_fixed(Scene(), options=options, throw=False)
     assert solution.status is Status.NEWTON_DIVERGED
     assert solution.message.startswith("Stage `relaxed`: SNES stopped with")
