@@ -1,0 +1,130 @@
+"""Collocation of order four on meshes graded by the belt's boundary layers, and its error.
+
+SciPy's solve_bvp is used on given meshes, not on those that it would choose: all of them belong to one family of
+graded meshes. So the error of a functional falls with a clean fourth power of the number of intervals, and two
+meshes show it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import solve_bvp
+from scipy.interpolate import PPoly
+
+from belt_fenicsx.bvp_problem import Problem
+from belt_fenicsx.solution import Array
+
+ORDER = 4  # of collocation with three Lobatto points
+COARSE, FINEST = 12, 8192  # intervals of the first mesh, and at most
+ROUNDS = 4  # of SciPy's Newton iteration on one mesh; each of them gives up after four Jacobians
+NEWTON, FINEST_NEWTON = 1e-6, 1e-10  # relative residual at which Newton's iteration ends
+TYPICAL = 1.5e-2  # expected: twice the relative error times the fourth power of the number of intervals
+SAFETY = 2.0  # of the error estimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discrete:
+    """A solution of the collocation's equations, or a guess of one.
+
+    Attributes:
+        width: Width of the boundary layers on the mesh, in parts of a zone.
+        mesh: Nodes in [0, 1], shared by all zones ``(m + 1,)``.
+        y: Functions at the nodes ``(n, m + 1)``.
+        p: Parameters ``(k,)``.
+        between: The functions between the nodes; None for a guess.
+        residual: Largest relative residual of the collocation's equations and of the border conditions.
+        iterations: Number of Jacobians.
+    """
+
+    width: float
+    mesh: Array
+    y: Array
+    p: Array
+    between: PPoly | None = None
+    residual: float = math.inf
+    iterations: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether Newton's iteration converged."""
+        return self.residual <= NEWTON
+
+    def on(self, intervals: int) -> Discrete:
+        """Itself as a guess on another mesh of the same family."""
+        mesh = graded(self.width, intervals)
+        return replace(self, mesh=mesh, y=self.between(mesh))
+
+
+def graded(width: float, intervals: int) -> Array:
+    """Nodes in [0, 1], their density about 1 / (distance to the nearer end + width) ``(intervals + 1,)``."""
+    reach = 1.0 + 2.0 * width
+    nodes = (1.0 + reach * np.tanh(np.linspace(-1.0, 1.0, intervals + 1) * np.arctanh(1.0 / reach))) / 2.0
+    nodes[0], nodes[-1] = 0.0, 1.0
+    return nodes
+
+
+def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
+    """Solves the collocation's equations on the mesh of ``start``."""
+    jacobians = 0
+
+    def rate_jacobian(x: Array, y: Array, p: Array) -> tuple[Array, Array]:
+        nonlocal jacobians
+        jacobians += 1
+        return problem.rate_jacobian(x, y, p)
+
+    mesh, y, p = start.mesh, start.y, start.p
+    for _ in range(ROUNDS):
+        # Without room for more nodes, solve_bvp gives back what it has on this mesh.
+        result = solve_bvp(
+            problem.rate,
+            problem.residual,
+            mesh,
+            y,
+            p,
+            fun_jac=rate_jacobian,
+            bc_jac=problem.residual_jacobian,
+            tol=tolerance,
+            bc_tol=tolerance,
+            max_nodes=mesh.size,
+        )
+        y, p = result.y, result.p
+        residual = _residual(problem, mesh, y, result.yp, p)
+        if residual <= tolerance or not math.isfinite(residual):
+            break
+    # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
+    return replace(start, y=y, p=p, between=result.sol, residual=residual, iterations=jacobians // 2)
+
+
+def refined(
+    problem: Problem, coarse: Discrete, functional: Callable[[Discrete], float], rtol: float
+) -> tuple[Discrete, float, int]:
+    """Refines a solution until the functional is as accurate as wanted.
+
+    Returns:
+        The last solution, the estimated relative error of the functional, and the number of Jacobians.
+    """
+    iterations = 0
+    intervals = max(1.5 * COARSE, (TYPICAL / rtol) ** (1 / ORDER))
+    while True:
+        fine = newton(problem, coarse.on(math.ceil(intervals)), min(max(rtol, FINEST_NEWTON), NEWTON))
+        iterations += fine.iterations
+        ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
+        change = abs(functional(fine) / functional(coarse) - 1.0)
+        error = SAFETY * change / (ratio**ORDER - 1.0)
+        if error <= rtol or not fine.converged or intervals >= FINEST:
+            return fine, error, iterations
+        coarse = fine
+        intervals = min(intervals * min(max((1.2 * error / rtol) ** (1 / ORDER), 1.2), 4.0), FINEST)
+
+
+def _residual(problem: Problem, mesh: Array, y: Array, rate: Array, p: Array) -> float:
+    h = np.diff(mesh)
+    middle = (y[:, 1:] + y[:, :-1]) / 2.0 - h / 8.0 * np.diff(rate)
+    middle_rate = problem.rate(mesh, middle, p)
+    missed = 1.5 * np.diff(y) / h - (rate[:, 1:] + rate[:, :-1] + 4.0 * middle_rate) / 4.0
+    at_borders = problem.residual(y[:, 0], y[:, -1], p)
+    return float(max(np.max(np.abs(missed) / (1.0 + np.abs(middle_rate))), np.max(np.abs(at_borders))))

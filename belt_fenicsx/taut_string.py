@@ -1,0 +1,145 @@
+"""The taut string: straight spans tangent to the pulley and an arc on it. A first guess for every method.
+
+A string knows neither bending nor shear, so its shape is in closed form, and its strain follows from the belt's length
+and the friction law of Euler and Eytelwein: equal along stick, growing by exp(mu angle) along forward sliding.
+
+Adding the belt's bending layers to it makes a guess that looks better and is worse: forces and shape of the string
+agree with each other, those of the embellished string do not, and Newton's iteration fails more often.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from belt_fenicsx.scene import Pulley, Scene
+from belt_fenicsx.solution import Array
+
+LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
+SLIP_PIECES = 32
+
+
+@dataclass(frozen=True, kw_only=True)
+class TautString:
+    """A string over one pulley, in the units of its scene.
+
+    It is a chain of pieces of constant stretch and curvature: two straight spans, and the arc between them.
+
+    Attributes:
+        borders: Run-up, transition and run-off in the material-length coordinate ``(3,)`` [m].
+        angles: Angles of the tangent at these borders ``(3,)`` [rad].
+        x: Global coordinates of these borders ``(3,)`` [m].
+        strain: Strains of the spans before and after the pulley, at least that of a slack belt ``(2,)`` [-].
+        sigma: Ends of the pieces ``(n + 1,)`` [m].
+        r_ends: Positions of these ends ``(n + 1, 2)`` [m].
+        phi_ends: Angles of the tangent there ``(n + 1,)`` [rad].
+        stretches: Stretch of each piece ``(n,)`` [-].
+    """
+
+    borders: Array
+    angles: Array
+    x: Array
+    strain: Array
+    sigma: Array
+    r_ends: Array
+    phi_ends: Array
+    stretches: Array
+
+    def D(self, sigma: Array) -> Array:
+        """Stretch at ``sigma`` ``(m,)`` [-]."""
+        return self.stretches[self._piece(sigma)]
+
+    def phi(self, sigma: Array) -> Array:
+        """Angle of the tangent at ``sigma`` ``(m,)`` [rad]."""
+        return np.interp(sigma, self.sigma, self.phi_ends)
+
+    def r(self, sigma: Array) -> Array:
+        """Position at ``sigma``, ``(m, 2)`` for ``(m,)`` [m]."""
+        piece = self._piece(sigma)
+        length = self.stretches[piece] * (sigma - self.sigma[piece])
+        return self.r_ends[piece] + _chord(length, self.phi_ends[piece], self.phi(sigma))
+
+    def _piece(self, sigma: Array) -> Array:
+        return np.clip(np.searchsorted(self.sigma, sigma, side="right") - 1, 0, self.stretches.size - 1)
+
+
+def taut_string(scene: Scene) -> TautString | None:
+    """The string over the pulley of a scene.
+
+    A transition outside of the string's contact is moved into it. In pure stick the string's transition is its
+    run-off, in pure slip its run-up; a given speed or moment leaves it in the middle.
+
+    Args:
+        scene: The scene.
+
+    Returns:
+        The string, or None where it is straight and clear of the pulley.
+    """
+    pulley, clamp = scene.pulleys[0], np.array([scene.span / 2, 0.0])
+    up, before = _tangent(pulley, scene.span / 2 + pulley.center[0])
+    off, after = _tangent(pulley, scene.span / 2 - pulley.center[0])
+    off = -off
+    if up <= off:
+        return None
+    trans = _transition(pulley, up, off)
+    phi_ends = np.concatenate([[up, up], np.linspace(trans, off, SLIP_PIECES + 1), [off]])
+    lengths = np.concatenate([[before], -pulley.radius * np.diff(phi_ends[1:-1]), [after]])
+    sense = -1.0 if pulley.slip == "backward" else 1.0
+    growth = np.exp(sense * pulley.friction * (trans - np.clip((phi_ends[1:] + phi_ends[:-1]) / 2, off, trans)))
+    strain = _strain(lengths, growth, scene.belt.length)
+    stretches = 1.0 + strain * growth
+    # A slack belt fills its path with a stretch below one.
+    stretches *= np.sum(lengths / stretches) / scene.belt.length
+    sigma = np.concatenate([[0.0], np.cumsum(lengths / stretches)]) - scene.belt.length / 2
+    sigma[-1] = scene.belt.length / 2
+    angles = np.array([up, trans, off])
+    return TautString(
+        borders=sigma[[1, 2, -2]],
+        angles=angles,
+        x=pulley.center[0] - pulley.radius * np.sin(angles),
+        strain=strain * growth[[0, -1]],
+        sigma=sigma,
+        r_ends=np.cumsum(np.vstack([-clamp, _chord(lengths, phi_ends[:-1], phi_ends[1:])]), axis=0),
+        phi_ends=phi_ends,
+        stretches=stretches,
+    )
+
+
+def _tangent(pulley: Pulley, across: float) -> tuple[float, float]:
+    """Angle and length of the tangent to the pulley from a clamp, ``across`` from the centre."""
+    distance = math.hypot(across, pulley.center[1])
+    angle = math.atan2(pulley.center[1], across) + math.asin(pulley.radius / distance)
+    return angle, math.sqrt(distance**2 - pulley.radius**2)
+
+
+def _transition(pulley: Pulley, up: float, off: float) -> float:
+    """Angle of the tangent at the transition, inside of the contact."""
+    if pulley.x_trans is None:
+        return (up + off) / 2
+    if isinstance(pulley.x_trans, str):
+        return up if pulley.x_trans == "run-up" else off
+    margin = 0.05 * (up - off)
+    angle = -math.asin((pulley.x_trans - pulley.center[0]) / pulley.radius)
+    return min(max(angle, off + margin), up - margin)
+
+
+def _strain(lengths: Array, growth: Array, length: float) -> float:
+    """Strain of the first piece, with which the pieces have this length in all when they are not stretched."""
+    slack = LEAST_STRAIN / np.min(growth)
+    strain = slack
+    # The length is a decreasing, convex function of the strain: Newton's iteration is monotonous from below.
+    while True:
+        stretches = 1.0 + strain * growth
+        step = (np.sum(lengths / stretches) - length) / np.sum(lengths * growth / stretches**2)
+        if not step > 1e-12 * strain:
+            return float(strain)
+        strain += step
+
+
+def _chord(length: Array, start: Array, end: Array) -> Array:
+    """Vectors ``(m, 2)`` from end to end of arcs, from their lengths and the angles of their tangents."""
+    middle = (start + end) / 2
+    straight = length * np.sinc((end - start) / (2 * np.pi))
+    return np.column_stack([straight * np.cos(middle), straight * np.sin(middle)])
