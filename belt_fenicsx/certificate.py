@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Array, Check, Contact, Fields, Solution, Status, Zone
+from belt_fenicsx.solution import Array, Check, Fields, Solution, Status, Zone
 
 SENSE = {"forward": 1.0, "backward": -1.0}
 
@@ -23,8 +23,9 @@ def certified(solution: Solution, *, tolerance: float) -> Solution:
     Raises:
         SceneError: The transition was asked for outside of the contact zone that was found.
     """
-    (contact,) = solution.contacts
-    checks = certify(solution.scene, contact, solution.zones, solution.fields, tolerance=tolerance)
+    if solution.fields is None:
+        raise ValueError("A solution without fields cannot be certified.")
+    checks = certify(solution.scene, solution.zones, solution.fields, tolerance=tolerance)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
@@ -42,14 +43,11 @@ def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
     raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
 
 
-def certify(
-    scene: Scene, contact: Contact, zones: tuple[Zone, ...], fields: Fields, *, tolerance: float
-) -> tuple[Check, ...]:
+def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance: float) -> tuple[Check, ...]:
     """Checks borders, pressure, penetration, Coulomb's bound and the sense of sliding.
 
     Args:
         scene: The scene, in the units of the other arguments.
-        contact: The contact to check.
         zones: All zones, in the direction of travel.
         fields: Fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
@@ -91,6 +89,4 @@ def certify(
 def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:
     lengths = np.array([zone.sigma[1] - zone.sigma[0] for zone in zones]) / scene.belt.length
     shortest = int(np.argmin(lengths))
-    return Check(
-        name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0])
-    )
+    return Check(name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0]))

@@ -59,20 +59,24 @@ class Problem:
         self.elements, self.frictional = elements, frictional
         self.space = space = HermiteSpace(elements, comm)
         self.stiffness = {name: fem.Constant(space.mesh, np.float64(1.0)) for name in ("a", "b1", "b2")}
-        self.radius, self.penalty = (fem.Constant(space.mesh, np.float64(1.0)) for _ in range(2))
-        self.center = fem.Constant(space.mesh, np.zeros(2))
+        self.penalty = fem.Constant(space.mesh, np.float64(1.0))
+        # One constant (R, xc, H): DOLFINx 0.5 numbers several in an expression by their hash, and compiles anew.
+        self.circle = fem.Constant(space.mesh, np.ones(3))
         self.lambda_p, self.lambda_f = space.gauss_function(), space.gauss_function()
 
         r, theta = ufl.split(space.w)
         d_sigma = rod.along(space.sigma)
-        g = contact.penetration(r, radius=self.radius, center=self.center)
+        g = contact.penetration(r, radius=self.circle[0], center=ufl.as_vector([self.circle[1], self.circle[2]]))
         self.residual = self._residual(r, theta, d_sigma, g)
         self.jacobian = ufl.derivative(self.residual, space.w)
-        self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
-
         sigma, D = space.sigma, rod.stretch(r, d_sigma)
         components = (sigma, sigma.dx(0), r[0], r[1], theta, *d_sigma(r), d_sigma(theta), d_sigma(D), g)
+        # UFL 2022 names forms by the numbers of their indices, which compiling counts up. So all names come first, lest
+        # a form is compiled twice.
+        for form in (self.residual, self.jacobian):
+            form.signature()
         self._state = space.expression(ufl.as_vector(components))
+        self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
 
     def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
         """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied."""
@@ -96,8 +100,7 @@ class Problem:
         self.stiffness["a"].value = belt.bending_stiffness
         self.stiffness["b1"].value = belt.extensional_stiffness
         self.stiffness["b2"].value = belt.shear_stiffness
-        self.radius.value = pulley.radius
-        self.center.value[:] = pulley.center
+        self.circle.value[:] = (pulley.radius, *pulley.center)
         size = belt.length / self.elements
         self.space.set_map(self.nodes(scene), np.full(self.elements + 1, size))
 

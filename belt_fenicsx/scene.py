@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 Slip = Literal["forward", "backward"]
 DRIVES = ("x_trans", "omega", "torque")
@@ -57,11 +57,15 @@ def shown(value: object) -> str:
 
 def number(name: str, value: object, unit: str) -> float:
     """Checks that ``value`` is a finite real number and returns it as a float."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not abs(value) < math.inf:
+    try:
+        result = math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:
+        result = math.inf
+    if not math.isfinite(result):
         raise SceneError(name, f"be a finite number [{unit}]", value)
-    if abs(value) > LARGEST:
+    if abs(result) > LARGEST:
         raise SceneError(name, f"be at most {LARGEST:g} in size [{unit}]", value)
-    return float(value)
+    return result
 
 
 def positive(name: str, value: object, unit: str) -> float:
@@ -324,13 +328,10 @@ class Units:
 
 
 def _dimensionless_pulley(pulley: Pulley, units: Units) -> Pulley:
-    drive: dict[str, float | str] = {}
-    match pulley.drive:
-        case "x_trans" if not isinstance(pulley.x_trans, str):
-            drive["x_trans"] = pulley.x_trans / units.length
-        case "omega":
-            drive["omega"] = pulley.omega * units.of(length=1, rate=-1)
-        case "torque":
-            drive["torque"] = pulley.torque / units.of(length=1, force=1)
+    value: Any = getattr(pulley, pulley.drive)
+    if not isinstance(value, str):
+        torque, omega = units.of(length=1, force=1), units.of(length=-1, rate=1)
+        value /= {"x_trans": units.length, "omega": omega, "torque": torque}[pulley.drive]
+    drive: dict[str, Any] = {pulley.drive: value}
     center = (pulley.center[0] / units.length, pulley.center[1] / units.length)
     return replace(pulley, radius=pulley.radius / units.length, center=center, **drive)

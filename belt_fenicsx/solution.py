@@ -23,6 +23,7 @@ class Status(enum.Enum):
     MULTIPLIERS_DIVERGED = "The updates of the contact multipliers did not converge."
     CONTACT_LOST = "The iteration lost the contact between the belt and the pulley."
     NO_CONTACT = "The straight belt does not touch the pulley: there is nothing to solve."
+    CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,8 +154,12 @@ class Zone:
 
     def in_units(self, units: Units) -> Zone:
         """The zone of a dimensionless scene in the given units."""
-        sigma, x = (tuple(end * units.length for end in ends) for ends in (self.sigma, self.x))
-        return replace(self, sigma=sigma, x=x)
+        length = units.length
+        return replace(
+            self,
+            sigma=(self.sigma[0] * length, self.sigma[1] * length),
+            x=(self.x[0] * length, self.x[1] * length),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +221,8 @@ class Check:
 
     def __str__(self) -> str:
         verdict = "holds" if self.holds else "violated"
-        return f"{self.name}: {verdict}, margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
+        margin = f"margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
+        return f"{self.name}: {verdict}, {margin}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,7 +54,7 @@ def solve(
     check_rtol(rtol)
     if not touches(scene):
         return finish(clear_of_pulley(scene, method), throw=throw)
-    common = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
+    common: dict[str, Any] = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
     if elements is not None:
         common["elements"] = elements
     if method == "fitted":

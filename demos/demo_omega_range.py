@@ -15,8 +15,9 @@ import numpy as np
 
 from belt_fenicsx import Pulley, Scene, bvp, solve
 
-# DOLFINx 0.5 tells of each form that it compiles.
+# DOLFINx 0.5 tells of each form that it compiles, by the root logger.
 logging.basicConfig(level=logging.WARNING)
+logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 OUTPUT = Path(__file__).parent / "output"
 PURE_STICK, PURE_SLIP = 1.4825151024971, 1.4779052879917
@@ -48,9 +49,8 @@ def draw() -> None:
 
     OUTPUT.mkdir(exist_ok=True)
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    for ax, values, name, label in zip(
-        figure.subplots(1, 2), (speeds, torques), ("omega", "torque"), (r"$\omega$ [rad/s]", "torque [N m]"), strict=True
-    ):
+    panels = ((speeds, "omega", r"$\omega$ [rad/s]"), (torques, "torque", "torque [N m]"))
+    for ax, (values, name, label) in zip(figure.subplots(1, 2), panels, strict=True):
         ax.plot(places, values, "k--o", markersize=4, linewidth=1.0, label="FEM, fixed mesh")
         for end, marker, text in ((stick, "s", "pure stick (BVP)"), (slip, "^", "pure forward slip (BVP)")):
             contact = end.contacts[0]

@@ -20,8 +20,9 @@ from pathlib import Path
 from belt_fenicsx import Scene, bvp, solve
 from belt_fenicsx.plot import contact_forces, deformed_belt, strains
 
-# DOLFINx 0.5 tells of each form that it compiles.
+# DOLFINx 0.5 tells of each form that it compiles, by the root logger.
 logging.basicConfig(level=logging.WARNING)
+logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 OUTPUT = Path(__file__).parent / "output"
 PUBLISHED_OMEGA = 1.4807

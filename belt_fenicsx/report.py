@@ -1,0 +1,70 @@
+"""A solution as text to read and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from belt_fenicsx.scene_file import scene_to_dict
+from belt_fenicsx.solution import Solution, Status
+
+
+def as_json(solution: Solution) -> str:
+    """The solution and its scene as one JSON object, without the arrays."""
+    plain = {"scene": scene_to_dict(solution.scene), **solution.summary()}
+    return json.dumps(_finite(plain), indent=2, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity; null stands for them."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_text(solution: Solution) -> str:
+    """The solution as a table to read; what is no answer is marked on its first line."""
+    lines = [] if solution.success else [f"*** {_mark(solution.status)} ***", ""]
+    length = solution.scene.belt.length
+    for contact in solution.contacts:
+        lines += [
+            f"omega        {contact.omega:18.12g} rad/s",
+            f"run-up       {_place(contact.x_up, length):>18} m",
+            f"transition   {_place(contact.x_trans, length):>18} m",
+            f"run-off      {_place(contact.x_off, length):>18} m",
+            f"torque       {contact.torque:18.10g} N m",
+            f"wrap angle   {contact.wrap_angle:18.10g} rad",
+            "",
+        ]
+    if solution.zones:
+        lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
+        for zone in solution.zones:
+            name = f"{zone.slip} slip" if zone.slip else zone.kind
+            lines.append(f"{name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
+        lines.append("")
+    lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
+    lines += [f"violated: {violation}" for violation in solution.violations]
+    if not math.isnan(solution.error_estimate):
+        lines.append(f"estimated relative error of omega: {solution.error_estimate:.1e}")
+    if solution.stages:
+        lines += ["", f"{'stage':<28}{'iterations':>10}{'time [ms]':>12}  why"]
+    for stage in solution.stages:
+        effort = ("skipped", "") if stage.iterations is None else (stage.iterations, f"{1e3 * stage.seconds:.1f}")
+        lines.append(f"{stage.name:<28}{effort[0]:>10}{effort[1]:>12}  {stage.why}")
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _mark(status: Status) -> str:
+    return "NOT ADMISSIBLE" if status is Status.NOT_ADMISSIBLE else "NO SOLUTION"
+
+
+def _interval(ends: tuple[float, float], length: float) -> str:
+    return f"{_place(ends[0], length):>14} ...{_place(ends[1], length):>14} "
+
+
+def _place(x: float, length: float) -> str:
+    """A coordinate to ten digits of the belt's length, so that rounding errors at zero are shown as zero."""
+    return f"{round(x / length, 10) * length + 0.0:.10g}"

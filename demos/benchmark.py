@@ -1,0 +1,223 @@
+# %% [markdown]
+# # Run time against error
+#
+# Three methods answer the same scene in one process: the fixed mesh (more and more elements), the fitted zones and
+# the boundary-value problem (tighter and tighter tolerances). The error of omega is the true one, against a reference
+# on which two methods agree. Each setting is run once to warm up, and then in turn with all others; the tables
+# show medians.
+#
+#     python demos/benchmark.py            prints the tables and draws the figure
+#     python demos/benchmark.py --readme   writes them into the README, too
+
+# %%
+import argparse
+import logging
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+
+import dolfinx
+import numpy as np
+import scipy
+
+from belt_fenicsx import Scene, bvp, solve
+from belt_fenicsx.plot import NAMES, STYLES
+
+# DOLFINx 0.5 tells of each form that it compiles, by the root logger.
+logging.basicConfig(level=logging.WARNING)
+logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
+
+HERE = Path(__file__).parent
+README = HERE.parent / "README.md"
+FIGURE = HERE / "figures" / "benchmark.png"
+FIXED, FITTED, BVP = "augmented-lagrangian", "fitted", "bvp"
+ELEMENTS = (25, 50, 100, 200, 400, 800, 1600)
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
+
+scene = Scene()
+
+# %% [markdown]
+# ## The reference
+#
+# Finite elements with fitted zones and collocation share neither code nor discretisation. Where both are pushed to
+# their limit, they have to agree.
+
+
+# %%
+def reference() -> float:
+    """Angular velocity of the source's scene [rad/s]."""
+    first, second = bvp.solve(scene, rtol=1e-12).omega, solve(scene, rtol=1e-12).omega
+    assert abs(first / second - 1.0) < 2e-12, (first, second)
+    return (first + second) / 2
+
+
+# %% [markdown]
+# ## Runs
+
+
+# %%
+@dataclass
+class Run:
+    """A method at one setting."""
+
+    method: str
+    setting: str
+    call: Callable[[], object]
+    error: float = float("nan")
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def time(self) -> float:
+        """Median wall time [s]."""
+        return median(self.seconds)
+
+
+def all_runs() -> list[Run]:
+    """Every method at every setting."""
+    runs = [
+        Run(FIXED, f"{n} elements", lambda n=n: solve(scene, method=FIXED, elements=n, throw=False)) for n in ELEMENTS
+    ]
+    runs += [Run(FITTED, f"rtol {tol:g}", lambda tol=tol: solve(scene, rtol=tol)) for tol in TOLERANCES]
+    runs += [Run(BVP, f"rtol {tol:g}", lambda tol=tol: bvp.solve(scene, rtol=tol)) for tol in TOLERANCES]
+    return runs
+
+
+def measured(runs: list[Run], omega: float, repeats: int) -> list[Run]:
+    """Fills in errors and times; the runs take turns, so that all see the same machine."""
+    for run in runs:
+        run.error = max(abs(run.call().omega / omega - 1.0), 1e-16)
+    for _ in range(repeats):
+        for run in runs:
+            began = time.perf_counter()
+            run.call()
+            run.seconds.append(time.perf_counter() - began)
+    return runs
+
+
+def fastest(runs: list[Run], method: str, target: float) -> Run | None:
+    """The fastest run of a method with a true error below the target."""
+    good = [run for run in runs if run.method == method and run.error <= target]
+    return min(good, key=lambda run: run.time, default=None)
+
+
+# %% [markdown]
+# ## What a process pays before its first solve
+#
+# Each in a process of its own: loading DOLFINx alone, loading this package, and one scene from the command line; with
+# an empty cache of compiled forms, and with a full one.
+
+
+# %%
+def wall(command: list[str], environment: dict[str, str]) -> float:
+    """Wall time of a process [s]."""
+    began = time.perf_counter()
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    return time.perf_counter() - began
+
+
+def start_up(repeats: int) -> list[tuple[str, float]]:
+    """Name and median wall time of what comes before, and with, the first solve of a process."""
+    python = [sys.executable]
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "XDG_CACHE_HOME": cache, "DOLFINX_JIT_CACHE_DIR": cache, "OMP_NUM_THREADS": "1"}
+        commands = {
+            "`import dolfinx, dolfinx.fem.petsc`": [*python, "-c", "import dolfinx, dolfinx.fem.petsc"],
+            "`import belt_fenicsx`": [*python, "-c", "import belt_fenicsx"],
+            "`belt-fenicsx --method bvp`": [*python, "-m", "belt_fenicsx", "--method", "bvp"],
+            "`belt-fenicsx`, forms compiled before": [*python, "-m", "belt_fenicsx"],
+        }
+        cold = wall(commands["`belt-fenicsx`, forms compiled before"], environment)
+        rows = []
+        for name, command in commands.items():
+            wall(command, environment)
+            rows.append((name, median(wall(command, environment) for _ in range(repeats))))
+    return [*rows, ("`belt-fenicsx`, first run ever (forms are compiled)", cold)]
+
+
+# %% [markdown]
+# ## Tables and figure
+
+
+# %%
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A Markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def report(runs: list[Run], processes: list[tuple[str, float]]) -> str:
+    """All tables as Markdown."""
+
+    def cell(run: Run | None) -> str:
+        return "not reached" if run is None else f"{1e3 * run.time:.3g} ms ({run.setting})"
+
+    rows = []
+    for target in TARGETS:
+        ours, theirs = fastest(runs, FITTED, target), fastest(runs, BVP, target)
+        ratio = f"{theirs.time / ours.time:.1f}" if ours and theirs else ""
+        rows.append((f"{target:g}", cell(ours), cell(theirs), cell(fastest(runs, FIXED, target)), ratio))
+    head = ("true error of omega below", NAMES[FITTED], NAMES[BVP], NAMES[FIXED], "BVP / fitted")
+    every = [(NAMES[run.method], run.setting, f"{run.error:.1e}", f"{1e3 * run.time:.3g}") for run in runs]
+    versions = (
+        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
+        f"DOLFINx {dolfinx.__version__}, "
+        f"NumPy {np.__version__}, SciPy {scipy.__version__}; medians of {len(runs[0].seconds)} runs."
+    )
+    return "\n\n".join(
+        (
+            versions,
+            table(head, rows),
+            table(("method", "setting", "true error", "time [ms]"), every),
+            table(("process", "wall time [s]"), [(name, f"{seconds:.2f}") for name, seconds in processes]),
+        )
+    )
+
+
+def draw(runs: list[Run], path: Path) -> None:
+    """Draws run time against error."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    ax = figure.subplots()
+    for method, marker in ((FIXED, "s"), (FITTED, "o"), (BVP, "^")):
+        own = [run for run in runs if run.method == method]
+        style = {**STYLES[method], "linewidth": 1.2, "alpha": 1.0}
+        ax.loglog(
+            [run.error for run in own], [1e3 * run.time for run in own], marker=marker, label=NAMES[method], **style
+        )
+    ax.invert_xaxis()
+    ax.set_xlabel(r"true relative error of $\omega$ [-]")
+    ax.set_ylabel("run time, warm [ms]")
+    ax.grid(color="0.9", which="both", linewidth=0.5)
+    ax.legend()
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path, dpi=120)
+
+
+def write_into_readme(text: str) -> None:
+    """Replaces what stands between the README's two markers."""
+    before, _, rest = README.read_text().partition("<!-- benchmark -->\n")
+    _, _, after = rest.partition("<!-- /benchmark -->")
+    README.write_text(f"{before}<!-- benchmark -->\n{text}\n<!-- /benchmark -->{after}")
+
+
+# %%
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Run time against error, for all methods.")
+    parser.add_argument("--repeats", type=int, default=21, help="runs of each setting (default: %(default)s)")
+    parser.add_argument("--readme", action="store_true", help="write tables and figure into the README")
+    arguments = parser.parse_args()
+    finished = measured(all_runs(), reference(), arguments.repeats)
+    text = report(finished, start_up(min(arguments.repeats, 5)))
+    print(text)
+    draw(finished, FIGURE if arguments.readme else HERE / "output" / "benchmark.png")
+    if arguments.readme:
+        write_into_readme(text)

@@ -1,0 +1,321 @@
+"""The command line: what it refuses, what it prints, how it exits."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from belt_fenicsx import cli
+from belt_fenicsx.scene import Scene
+from belt_fenicsx.solution import Check, Contact, Fields, Solution, Stage, Status, Zone
+
+serial = pytest.mark.serial
+SCENE = str(Path(__file__).parent.parent / "demos" / "one_pulley.toml")
+
+
+def command(*argv, **kwargs):
+    """Runs the command line in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "belt_fenicsx", *argv], stderr=subprocess.PIPE, text=True, timeout=120, **kwargs
+    )
+
+
+# Arguments, and what the complaint must hold: the field, and what was expected.
+BAD = [
+    (["missing.toml"], "missing.toml", "readable file"),
+    (["."], "`.`", "readable file"),
+    ([SCENE, SCENE], "unrecognized", "usage"),
+    (["--method"], "--method", "expected one argument"),
+    (["--method", "magic"], "--method", "fitted, augmented-lagrangian, bvp"),
+    (["--method="], "--method", "fitted, augmented-lagrangian, bvp"),
+    (["--rtol", "small"], "--rtol", "number [-]"),
+    (["--rtol", ""], "--rtol", "number [-]"),
+    (["--rtol"], "--rtol", "expected one argument"),
+    (["--elements", "many"], "--elements", "whole number"),
+    (["--elements", "0"], "--elements", "whole number"),
+    (["--elements", "-10"], "--elements", "whole number"),
+    (["--elements", "1.5"], "--elements", "whole number"),
+    (["--elements", "1" + "0" * 30], "--elements", "whole number"),
+    (["--elements", "10", "--method", "bvp"], "--elements", "left out"),
+    (["--plot", "figure"], "--plot", ".pdf, .png, .svg"),
+    (["--plot", "figure.xyz"], "--plot", ".pdf, .png, .svg"),
+    (["--plot", "missing/figure.png"], "--plot", "folder that exists"),
+    (["--jsn"], "--jsn", "perhaps `--json`"),
+    (["--js"], "--js", "perhaps `--json`"),
+    (["--quux"], "--quux", "--help"),
+    (["-json"], "-json", "two dashes"),
+    (["-rtol", "1e-6"], "-rtol", "two dashes"),
+    (["-log_view", "--jsn"], "--jsn", "perhaps `--json`"),
+    (["--json=1"], "--json", "usage"),
+    (["--method", "bvp", "-belt_snes_monitor"], "-belt_snes_monitor", "without PETSc"),
+    (["--set"], "--set", "expected one argument"),
+    (["--set", "friction"], "--set", "PATH=VALUE"),
+    (["--set", "pulleys.0.friction="], "--set", "PATH=VALUE"),
+    (["--set", "pulleys.0.friction=0.3.4"], "pulleys.0.friction", "TOML value"),
+    (["--set", "pulleys.0.frictoin=0.3"], "pulleys.0.frictoin", "perhaps `friction`"),
+    (["--set", "pulleys.1.friction=0.3"], "pulleys.1.friction", "one of `0`"),
+    (["--set", "pulleys.0.friction=-0.3"], "pulleys.0.friction", "zero or positive [-]"),
+    (["--set", "belt.thickness=-0.05"], "belt.thickness", "positive [m]"),
+    (["--set", "belt.youngs_modulus=nan"], "belt.youngs_modulus", "finite number [Pa]"),
+    (["--set", "pulleys.0.radius=0"], "pulleys.0.radius", "positive [m]"),
+    (["--set", "pulleys.0.radius=2.0", "--set", "pulleys.0.center.1=-1.9"], "pulleys.0.radius", "clamp"),
+    (["--set", "pulleys.0.x_trans=0.9"], "pulleys.0.x_trans", "over the pulley"),
+    (["--set", "pulleys.0.omega=1", "--set", "pulleys.0.torque=1"], "pulleys.0.torque", "only drive"),
+    (["--set", "span=1", "--set", "span=2"], "span", "set once"),
+    (["--set", "span.x=1"], "span.x", "single value"),
+    ([SCENE, "--set", "spam=1"], "spam", "perhaps `span`"),
+]
+
+
+@serial
+@pytest.mark.parametrize(("argv", "field", "expected"), BAD, ids=lambda value: " ".join(value)[:50])
+def test_bad_arguments(argv, field, expected, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_solve_bvp", pytest.fail)
+    monkeypatch.setattr(cli, "_solve_finite_elements", pytest.fail)
+    assert cli.main(argv) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert field in captured.err
+    assert expected in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@serial
+@pytest.mark.parametrize("argv", [["missing.toml"], ["--rtol", "x"], ["--set", "span=-1"], ["--jsn"], ["a", "b"]])
+def test_no_traceback_reaches_the_user(argv):
+    result = command(*argv, stdout=subprocess.PIPE)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("belt-fenicsx: ")
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("method", ["bvp", "augmented-lagrangian"])
+@pytest.mark.parametrize("rtol", ["0", "-1e-8", "1", "1e-30", "nan", "inf"])
+def test_tolerances_out_of_range(method, rtol, capfd):
+    assert cli.main([f"--rtol={rtol}", "--method", method]) == 2
+    if cli._rank() == 0:
+        assert "`rtol` must " in capfd.readouterr().err
+
+
+def test_bad_input_is_told_once_and_ends_all_ranks(capsys):
+    assert cli.main(["--rtol", "x"]) == 2
+    assert bool(capsys.readouterr().err) == (cli._rank() == 0)
+
+
+@serial
+def test_help(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--help"])
+    assert "4 converged" in capsys.readouterr().out.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("argv", "own", "petsc"),
+    [
+        (["a.toml", "--json"], ["a.toml", "--json"], []),
+        (["-log_view", "a.toml"], ["a.toml"], ["-log_view"]),
+        (["-belt_snes_rtol", "1e-9", "--json"], ["--json"], ["-belt_snes_rtol", "1e-9"]),
+        (["-belt_x", "-3", "--rtol", "1e-6"], ["--rtol", "1e-6"], ["-belt_x", "-3"]),
+        (["-log_view", ":log.txt", "-a", "b.toml"], ["b.toml"], ["-log_view", ":log.txt", "-a"]),
+        (["--rtol", "-1"], ["--rtol", "-1"], []),
+        (["-h"], ["-h"], []),
+    ],
+)
+def test_petsc_options_are_parted(argv, own, petsc):
+    assert cli._split(argv) == (own, petsc)
+
+
+# What is printed, for solutions that are made up here.
+
+
+@pytest.fixture
+def solution():
+    zone = Zone(kind="slip", slip="forward", sigma=(-0.2, 0.2), x=(-0.21, 0.21))
+    contact = Contact(omega=1.5, x_up=-0.21, x_trans=0.0, x_off=0.21, torque=610.0, wrap_angle=0.6, zones=(zone,))
+    return Solution(
+        scene=Scene(),
+        method="made up",
+        status=Status.SOLVED,
+        contacts=(contact,),
+        zones=(zone,),
+        iterations=5,
+        stages=(
+            Stage(name="first", why="it is needed", iterations=5, seconds=0.001),
+            Stage(name="next", why="it is not"),
+        ),
+        measures={"penetration": 1e-12, "undefined": float("nan")},
+    )
+
+
+@pytest.fixture
+def answer(monkeypatch):
+    """Lets the command line find the given solution, without a solver."""
+
+    def set_answer(solution):
+        monkeypatch.setattr(cli, "_solve_bvp", lambda scene, options: solution)
+
+    return set_answer
+
+
+VIOLATION = Check(name="positive pressure in contact", margin=-0.5, tolerance=1e-9, x=0.1)
+
+
+@serial
+@pytest.mark.parametrize(
+    ("status", "code", "mark"),
+    [
+        (Status.SOLVED, 0, None),
+        (Status.NOT_ADMISSIBLE, 4, "*** NOT ADMISSIBLE ***"),
+        (Status.NEWTON_DIVERGED, 3, "*** NO SOLUTION ***"),
+        (Status.MULTIPLIERS_DIVERGED, 3, "*** NO SOLUTION ***"),
+        (Status.CONTACT_LOST, 3, "*** NO SOLUTION ***"),
+        (Status.NO_CONTACT, 3, "*** NO SOLUTION ***"),
+    ],
+)
+def test_exit_codes_and_marks(status, code, mark, solution, answer, capsys):
+    answer(replace(solution, status=status, checks=(VIOLATION,) if code == 4 else ()))
+    assert cli.main(["--method", "bvp"]) == code
+    out = capsys.readouterr().out
+    assert out.startswith(mark or "omega")
+    assert status.value in out
+    assert ("violated: positive pressure" in out) == (code == 4)
+
+
+@serial
+def test_a_failure_without_any_contact(answer, capsys):
+    answer(Solution(scene=Scene(), method="made up", status=Status.CONTACT_LOST, message="The belt is clear."))
+    assert cli.main(["--method", "bvp"]) == 3
+    assert "The belt is clear." in capsys.readouterr().out
+    assert cli.main(["--method", "bvp", "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["omega"] is None
+
+
+@serial
+def test_text(solution, answer, capsys):
+    answer(solution)
+    cli.main(["--method", "bvp"])
+    out = capsys.readouterr().out
+    for text in ("1.5 rad/s", "610 N m", "forward slip", "it is needed", "skipped"):
+        assert text in out
+
+
+@serial
+def test_json_is_one_object_without_nan(solution, answer, capsys):
+    answer(solution)
+    assert cli.main(["--method", "bvp", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert result["omega"] == 1.5
+    assert result["success"] is True
+    assert result["scene"]["pulleys"][0]["radius"] == 0.7
+    assert result["measures"] == {"penetration": 1e-12, "undefined": None}
+
+
+@serial
+def test_interrupted(monkeypatch, capsys):
+    def interrupted(scene, options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_solve_bvp", interrupted)
+    assert cli.main(["--method", "bvp"]) == 130
+    assert capsys.readouterr().err == "belt-fenicsx: interrupted.\n"
+
+
+@serial
+@pytest.mark.parametrize("trouble", [OSError(28, "No space left on device"), KeyboardInterrupt()], ids=repr)
+def test_a_plot_that_fails_leaves_the_old_file(trouble, solution, answer, monkeypatch, tmp_path):
+    figure = pytest.importorskip("matplotlib.figure")
+
+    def half_written(self, path, **kwargs):
+        Path(path).write_text("half")
+        raise trouble
+
+    target = tmp_path / "figure.png"
+    target.write_text("old")
+    monkeypatch.setattr(figure.Figure, "savefig", half_written)
+    monkeypatch.setitem(sys.modules, "belt_fenicsx.plot", type(sys)("plot"))
+    sys.modules["belt_fenicsx.plot"].overview = lambda solution: figure.Figure()
+    answer(replace(solution, fields=object.__new__(Fields)))
+    assert cli.main(["--method", "bvp", "--plot", str(target)]) in (1, 130)
+    assert [path.name for path in tmp_path.iterdir()] == ["figure.png"]
+    assert target.read_text() == "old"
+
+
+# With the solvers.
+
+
+@serial
+def test_the_published_scene_by_the_bvp(capsys):
+    assert cli.main([SCENE, "--method", "bvp", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["omega"] == pytest.approx(1.4807092526, rel=1e-7)
+    assert result["method"] == "bvp"
+
+
+@serial
+def test_values_are_set(capsys):
+    argv = ["--method", "bvp", "--json", "--set", "pulleys.0.slip=backward", "--set", "transport_rate=2.0"]
+    assert cli.main(argv) == 0
+    assert json.loads(capsys.readouterr().out)["omega"] == pytest.approx(2.0 * 1.4841983140, rel=1e-7)
+
+
+@serial
+def test_a_transition_outside_of_the_contact_is_bad_input(capsys):
+    assert cli.main(["--method", "bvp", "--set", "pulleys.0.x_trans=0.3"]) == 2
+    assert "`pulleys.0.x_trans` must lie in the contact zone" in capsys.readouterr().err
+
+
+@serial
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a full device")
+def test_a_full_disk_is_told():
+    with open("/dev/full", "w") as full:
+        result = command("--method", "bvp", stdout=full)
+    assert result.returncode == 1
+    assert result.stderr == "belt-fenicsx: the result could not be written: No space left on device.\n"
+
+
+@serial
+@pytest.mark.parametrize("suffix", ["png", "PDF", "svg"])
+def test_plot(suffix, tmp_path):
+    pytest.importorskip("matplotlib")
+    target = tmp_path / f"figure.{suffix}"
+    assert cli.main(["--method", "bvp", "--plot", str(target)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]
+    assert target.stat().st_size > 1000
+
+
+@serial
+def test_finite_elements_in_a_process_of_their_own():
+    pytest.importorskip("dolfinx")
+    result = command("--method", "augmented-lagrangian", "--json", stdout=subprocess.PIPE)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert json.loads(result.stdout)["omega"] == pytest.approx(1.4807092526, rel=1e-5)
+
+
+@serial
+def test_petsc_options_reach_petsc():
+    pytest.importorskip("dolfinx")
+    result = command("--method", "augmented-lagrangian", "-belt_snes_monitor", stdout=subprocess.PIPE)
+    assert result.returncode == 0, result.stderr
+    assert "SNES Function norm" in result.stdout
+
+
+def test_finite_elements_print_on_rank_0_and_agree_on_the_code(capfd):
+    pytest.importorskip("dolfinx")
+    assert cli.main(["--method", "augmented-lagrangian", "--json"]) == 0
+    out = capfd.readouterr().out
+    assert ('"omega"' in out) == (cli._rank() == 0)
+
+
+def test_more_ranks_than_cells_is_bad_input(capfd):
+    mpi = pytest.importorskip("mpi4py.MPI")
+    pytest.importorskip("dolfinx")
+    if mpi.COMM_WORLD.size == 1:
+        pytest.skip("needs two ranks")
+    assert cli.main(["--method", "augmented-lagrangian", "--elements", "1"]) == 2
