@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from belt_fenicsx.scene_file import load_scene
     from belt_fenicsx.solution import Solution, SolveError, Status
     from belt_fenicsx.solver import solve
+    from belt_fenicsx.sweeps import Sweep, sweep
 
 _HOMES = {
     "Belt": "scene",
@@ -26,6 +27,8 @@ _HOMES = {
     "SolveError": "solution",
     "load_scene": "scene_file",
     "solve": "solver",
+    "sweep": "sweeps",
+    "Sweep": "sweeps",
     "bvp": None,
 }
 
@@ -38,9 +41,11 @@ __all__ = [
     "SolveError",
     "Status",
     "StiffnessBelt",
+    "Sweep",
     "bvp",
     "load_scene",
     "solve",
+    "sweep",
 ]
 
 

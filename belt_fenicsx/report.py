@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from belt_fenicsx.scene_file import scene_to_dict
@@ -55,6 +56,26 @@ def as_text(solution: Solution) -> str:
         effort = ("skipped", "") if stage.iterations is None else (stage.iterations, f"{1e3 * stage.seconds:.1f}")
         lines.append(f"{stage.name:<28}{effort[0]:>10}{effort[1]:>12}  {stage.why}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def certificates(solutions: Sequence[Solution]) -> str:
+    """The certificates of a scene's solutions, below each other, and how far the solutions agree."""
+    lines = []
+    for solution in solutions:
+        lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
+        if solution.contacts:
+            contact = solution.contacts[0]
+            lines.append(f"omega {contact.omega:.12g} rad/s, torque {contact.torque:.10g} N m")
+        if solution.checks:
+            lines.append(f"  {'check':<42}{'margin':>11}{'allowed':>11}{'at x [m]':>13}")
+        for check in solution.checks:
+            verdict = "" if check.holds else "  violated"
+            lines.append(f"  {check.name:<42}{check.margin:>11.2e}{-check.tolerance:>11.0e}{check.x:>13.6g}{verdict}")
+        lines.append("")
+    if all(solution.contacts for solution in solutions):
+        first, second = (solution.contacts[0] for solution in solutions)
+        lines.append(f"relative difference of omega {first.omega / second.omega - 1.0:.1e}")
+    return "\n".join(lines)
 
 
 def _mark(status: Status) -> str:

@@ -104,13 +104,22 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not value or not re.fullmatch(r"\w+(\.\w+)*", path):
         raise SceneError("--set", "read PATH=VALUE, as in pulleys.0.friction=0.3", text)
+    return path, parse_value(path, value)
+
+
+def parse_value(path: str, value: str) -> Any:
+    """The value of a text that is written as in TOML; words need no quotes.
+
+    Raises:
+        SceneError: The text is no value; it names the path.
+    """
     if re.fullmatch(r"[A-Za-z][A-Za-z_-]*", value) and value not in ("true", "false", "inf", "nan"):
-        return path, value
+        return value
     expected = "be set to a TOML value, as in 0.3, [0.0, -0.6] or run-off"
     assigned = _parsed(f"value = {value}", path, expected, got=value)
     if list(assigned) != ["value"]:
         raise SceneError(path, expected, value)
-    return path, assigned["value"]
+    return assigned["value"]
 
 
 def _parsed(text: str, field: str, expected: str, got: object = None) -> dict[str, Any]:

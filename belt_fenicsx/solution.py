@@ -21,6 +21,7 @@ class Status(enum.Enum):
     NOT_ADMISSIBLE = "The iteration converged, but the state is not admissible."
     NEWTON_DIVERGED = "Newton's iteration did not converge."
     MULTIPLIERS_DIVERGED = "The updates of the contact multipliers did not converge."
+    REFUSED = "The scene cannot be meant as it is."
     CONTACT_LOST = "The iteration lost the contact between the belt and the pulley."
     NO_CONTACT = "The straight belt does not touch the pulley: there is nothing to solve."
     CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from belt_fenicsx import cli
+from belt_fenicsx import arguments, cli
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Check, Contact, Fields, Solution, Stage, Status, Zone
 
@@ -68,6 +68,14 @@ BAD = [
     (["--set", "span=1", "--set", "span=2"], "span", "set once"),
     (["--set", "span.x=1"], "span.x", "single value"),
     ([SCENE, "--set", "spam=1"], "spam", "perhaps `span`"),
+    (["sweep"], "--over", "required"),
+    (["sweep", "--over", "pulleys.0.x_trans"], "--over", "FIRST:LAST:COUNT"),
+    (["sweep", "--over", "pulleys.0.x_trans=0:1"], "--over", "FIRST:LAST:COUNT"),
+    (["sweep", "--over", "pulleys.0.x_trans=0:1:x"], "--over", "FIRST:LAST:COUNT"),
+    (["sweep", "--over", "pulleys.0.x_trans=0:1:1"], "--over", "COUNT from 2"),
+    (["sweep", "--over", "pulleys.0.friction=0.1,["], "pulleys.0.friction", "TOML value"),
+    (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--json"], "--json", "known option"),
+    (["check", "--plot", "a.png"], "--plot", "known option"),
 ]
 
 
@@ -75,8 +83,7 @@ BAD = [
 @pytest.mark.parametrize(("argv", "field", "expected"), BAD, ids=lambda value: " ".join(value)[:50])
 def test_bad_arguments(argv, field, expected, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_solve_bvp", pytest.fail)
-    monkeypatch.setattr(cli, "_solve_finite_elements", pytest.fail)
+    monkeypatch.setattr(cli, "_solver", pytest.fail)
     assert cli.main(argv) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -128,7 +135,7 @@ def test_help(capsys):
     ],
 )
 def test_petsc_options_are_parted(argv, own, petsc):
-    assert cli._split(argv) == (own, petsc)
+    assert arguments.split(argv) == (own, petsc)
 
 
 # What is printed, for solutions that are made up here.
@@ -158,7 +165,7 @@ def answer(monkeypatch):
     """Lets the command line find the given solution, without a solver."""
 
     def set_answer(solution):
-        monkeypatch.setattr(cli, "_solve_bvp", lambda scene, options: solution)
+        monkeypatch.setattr(cli, "_solver", lambda args, petsc: lambda scene: solution)
 
     return set_answer
 
@@ -218,10 +225,10 @@ def test_json_is_one_object_without_nan(solution, answer, capsys):
 
 @serial
 def test_interrupted(monkeypatch, capsys):
-    def interrupted(scene, options):
+    def interrupted(scene):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_solve_bvp", interrupted)
+    monkeypatch.setattr(cli, "_solver", lambda args, petsc: interrupted)
     assert cli.main(["--method", "bvp"]) == 130
     assert capsys.readouterr().err == "belt-fenicsx: interrupted.\n"
 
@@ -267,7 +274,7 @@ def test_values_are_set(capsys):
 @serial
 def test_a_transition_outside_of_the_contact_is_bad_input(capsys):
     assert cli.main(["--method", "bvp", "--set", "pulleys.0.x_trans=0.3"]) == 2
-    assert "`pulleys.0.x_trans` must lie in the contact zone" in capsys.readouterr().err
+    assert "`pulleys.0.x_trans` must lie " in capsys.readouterr().err
 
 
 @serial
@@ -319,3 +326,32 @@ def test_more_ranks_than_cells_is_bad_input(capfd):
     if mpi.COMM_WORLD.size == 1:
         pytest.skip("needs two ranks")
     assert cli.main(["--method", "augmented-lagrangian", "--elements", "1"]) == 2
+
+
+@serial
+def test_sweep_is_a_table_with_units(capsys):
+    assert cli.main(["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=-0.1:0.1:3"]) == 0
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.startswith("pulleys.0.x_trans,omega [rad/s],x_up [m]")
+    assert [row.split(",")[0] for row in rows] == ["-0.1", "0.0", "0.1"]
+    assert float(rows[1].split(",")[1]) == pytest.approx(1.4807092526, rel=1e-8)
+
+
+@serial
+@pytest.mark.parametrize(
+    ("over", "complaint"),
+    [("belt.thicknes=0.1,0.2", "perhaps `thickness`"), ("belt.thickness=0.1:-0.1:3", "positive [m], got 0.0")],
+)
+def test_sweep_refuses_bad_values_before_it_starts(over, complaint, capsys):
+    assert cli.main(["sweep", "--method", "bvp", "--over", over]) == 2
+    out, err = capsys.readouterr()
+    assert complaint in err
+    assert out == ""
+
+
+@serial
+def test_check_prints_both_certificates(capsys):
+    assert cli.main(["check", "--method", "bvp"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("Coulomb's bound in stick") == 2
+    assert "relative difference of omega 0.0e+00" in out

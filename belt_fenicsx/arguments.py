@@ -1,0 +1,204 @@
+"""What the command line is asked: its arguments, checked as far as no scene and no numerics are needed."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import re
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from belt_fenicsx.scene import SceneError, Verbatim
+from belt_fenicsx.scene_file import parse_assignment, parse_value
+
+PROGRAM = "belt-fenicsx"
+METHODS = ("fitted", "augmented-lagrangian", "bvp")
+SOLVE, SWEEP, CHECK = COMMANDS = ("solve", "sweep", "check")
+PLOT_SUFFIXES = (".pdf", ".png", ".svg")
+MOST_VALUES = 1_000_000
+
+DESCRIPTION = """\
+Steady motion of a belt in frictional contact with a rotating pulley.
+
+  belt-fenicsx [solve] [SCENE.toml]              one scene
+  belt-fenicsx sweep [SCENE.toml] --over P=V     a table of answers, as comma-separated values
+  belt-fenicsx check [SCENE.toml]                the certificate of the answer, beside that of the method bvp"""
+EPILOG = """\
+PETSc options have one dash and pass through, as in -belt_snes_monitor or -log_view.
+
+exit codes: 0 solved and admissible; 1 the result could not be made or written; 2 bad input; 3 did not converge;
+4 converged, but not admissible (the result is printed and marked)."""
+
+
+class UsageError(Exception):
+    """Arguments that do not parse."""
+
+
+class Missing(Exception):
+    """Something outside of the scene and the solve that keeps the result from the user."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        raise UsageError(f"{message}\n{self.format_usage().rstrip()}")
+
+
+def parsed(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Parses the arguments.
+
+    Args:
+        argv: Arguments without the program's name.
+
+    Returns:
+        The program's own arguments, with checked and converted values, and PETSc's.
+
+    Raises:
+        UsageError: The arguments do not parse.
+        SceneError: A value cannot be meant.
+        Missing: Something is not installed.
+    """
+    named = bool(argv) and argv[0] in COMMANDS
+    command = argv[0] if named else SOLVE
+    own, petsc = split(argv[1:] if named else argv, command)
+    args = _parser(command).parse_args(own)
+    args.command = command
+    args.set = _assignments(args.set)
+    _check_method(args, petsc)
+    args.rtol = _rtol(args.rtol)
+    args.elements = None if args.elements is None else _elements(args.elements)
+    if command == SWEEP:
+        args.over, args.values = _range(args.over)
+    if getattr(args, "plot", None) is not None:
+        args.plot = _plot(Path(args.plot))
+    return args, petsc
+
+
+def _parser(command: str) -> _Parser:
+    parser = _Parser(
+        prog=PROGRAM if command == SOLVE else f"{PROGRAM} {command}",
+        description=DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("scene", nargs="?", metavar="SCENE.toml", help="scene file; without it, the published scene")
+    parser.add_argument("--method", metavar="METHOD", help=f"one of {', '.join(METHODS)}")
+    parser.add_argument(
+        "--rtol", metavar="R", default="1e-8", help="relative tolerance of omega (default: %(default)s)"
+    )
+    parser.add_argument("--elements", metavar="N", help="number of finite elements")
+    parser.add_argument(
+        "--set", metavar="PATH=VALUE", action="append", default=[], help="replace a value, as in pulleys.0.friction=0.3"
+    )
+    parser.add_argument("--verbose", action="store_true", help="log the course of the solve to stderr")
+    if command == SOLVE:
+        parser.add_argument("--json", action="store_true", help="print one JSON object, without the arrays")
+        parser.add_argument("--plot", metavar="FILE", help=f"draw the solution; {', '.join(PLOT_SUFFIXES)}")
+    if command == SWEEP:
+        parser.add_argument(
+            "--over",
+            metavar="PATH=VALUES",
+            required=True,
+            help="the value to change: FIRST:LAST:COUNT, or values with commas, as in pulleys.0.x_trans=-0.2:0.2:41",
+        )
+    return parser
+
+
+def split(argv: Sequence[str], command: str = SOLVE) -> tuple[list[str], list[str]]:
+    """Parts PETSc's options, with their values, from the program's own.
+
+    A PETSc option takes the next argument as its value, as PETSc does it, unless that is a scene file.
+    """
+    names = {name.lstrip("-") for action in _parser(command)._actions for name in action.option_strings}
+    own: list[str] = []
+    petsc: list[str] = []
+    previous_takes_value = False
+    for arg in argv:
+        if re.match(r"-[A-Za-z]", arg) and arg != "-h":
+            if arg[1:].partition("=")[0] in names:
+                raise UsageError(f"`{arg}` must have two dashes, -{arg}")
+            petsc.append(arg)
+            previous_takes_value = True
+        elif previous_takes_value and not arg.startswith("--") and not arg.endswith(".toml"):
+            petsc.append(arg)
+            previous_takes_value = False
+        else:
+            _check_option(arg, names)
+            own.append(arg)
+            previous_takes_value = False
+    return own, petsc
+
+
+def _check_option(arg: str, names: set[str]) -> None:
+    name = arg[2:].partition("=")[0]
+    if arg.startswith("--") and name and name not in names:
+        near = difflib.get_close_matches(name, names, n=1)
+        hint = f"perhaps `--{near[0]}`" if near else f"see {PROGRAM} --help"
+        raise UsageError(f"`--{name}` must be a known option, {hint}")
+
+
+def _assignments(texts: Sequence[str]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for path, value in map(parse_assignment, texts):
+        if path in values:
+            raise SceneError(path, "be set once", Verbatim(f"{values[path]!r} and {value!r}"))
+        values[path] = value
+    return values
+
+
+def _check_method(args: argparse.Namespace, petsc: list[str]) -> None:
+    if args.method not in (None, *METHODS):
+        raise SceneError("--method", f"be one of {', '.join(METHODS)}", args.method)
+    if args.method == "bvp":
+        if args.elements is not None:
+            raise SceneError(
+                "--elements", "be left out with the method bvp, which has no elements", Verbatim(args.elements)
+            )
+        if petsc:
+            raise SceneError(petsc[0], "be left out with the method bvp, which runs without PETSc", Verbatim(petsc[0]))
+
+
+def _range(text: str) -> tuple[str, list[Any]]:
+    """The path and the values of a sweep, from ``path=first:last:count`` or ``path=value,value,...``."""
+    path, _, values = (part.strip() for part in text.partition("="))
+    expected = "read PATH=FIRST:LAST:COUNT or PATH=VALUE,VALUE,... as in pulleys.0.x_trans=-0.2:0.2:41"
+    if not path or not values:
+        raise SceneError("--over", expected, text)
+    if ":" not in values:
+        return path, [parse_value(path, value.strip()) for value in values.split(",")]
+    try:
+        first, last, count = values.split(":")
+        ends, number = (float(first), float(last)), int(count)
+    except ValueError:
+        raise SceneError("--over", expected, text) from None
+    if not 2 <= number <= MOST_VALUES:
+        raise SceneError("--over", f"have a COUNT from 2 to {MOST_VALUES}", number)
+    last_index = number - 1
+    return path, [(ends[0] * (last_index - index) + ends[1] * index) / last_index for index in range(number)]
+
+
+def _rtol(text: str) -> float:
+    """The tolerance; its range is the method's matter."""
+    try:
+        return float(text)
+    except ValueError:
+        raise SceneError("--rtol", "be a number [-]", text) from None
+
+
+def _elements(text: str) -> int:
+    if not re.fullmatch(r"[1-9][0-9]{0,8}", text):
+        raise SceneError("--elements", "be a whole number above zero", text)
+    return int(text)
+
+
+def _plot(path: Path) -> Path:
+    if path.suffix.lower() not in PLOT_SUFFIXES:
+        raise SceneError("--plot", f"name a file ending in {', '.join(PLOT_SUFFIXES)}", str(path))
+    if path.is_dir() or not os.access(path.parent, os.W_OK):
+        raise SceneError("--plot", "name a file in a folder that exists and can be written to", str(path))
+    if find_spec("matplotlib") is None:
+        raise Missing("--plot needs Matplotlib, which this Python lacks.")
+    return path
