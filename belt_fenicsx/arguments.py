@@ -73,6 +73,8 @@ def parsed(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
         args.over, args.values = _range(args.over)
     if getattr(args, "plot", None) is not None:
         args.plot = _plot(Path(args.plot))
+    if getattr(args, "out", None) is not None:
+        args.out = _out(Path(args.out))
     return args, petsc
 
 
@@ -97,6 +99,7 @@ def _parser(command: str) -> _Parser:
     if command == SOLVE:
         parser.add_argument("--json", action="store_true", help="print one JSON object, without the arrays")
         parser.add_argument("--plot", metavar="FILE", help=f"draw the solution; {', '.join(PLOT_SUFFIXES)}")
+        parser.add_argument("--out", metavar="DIR", help="write result, fields, scene and versions into a folder")
     if command == SWEEP:
         parser.add_argument(
             "--over",
@@ -201,4 +204,14 @@ def _plot(path: Path) -> Path:
         raise SceneError("--plot", "name a file in a folder that exists and can be written to", str(path))
     if find_spec("matplotlib") is None:
         raise Missing("--plot needs Matplotlib, which this Python lacks.")
+    return path
+
+
+def _out(path: Path) -> Path:
+    parent = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise SceneError("--out", "name a folder that can be written to", str(path))
+    for package, module in (("meshio", "meshio"), ("tomli-w", "tomli_w")):
+        if find_spec(module) is None:
+            raise Missing(f"--out needs {package}, which this Python lacks.")
     return path

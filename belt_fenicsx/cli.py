@@ -94,6 +94,10 @@ def _solved(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
         _print(as_json(solution) if args.json else as_text(solution))
         if args.plot is not None and solution.fields is not None:
             _plot(solution, args.plot)
+        if args.out is not None:
+            from belt_fenicsx.files import export
+
+            export(solution, args.out)
         return _exit_code(solution)
 
     return report
@@ -197,11 +201,8 @@ def _plot(solution: Solution, path: Path) -> None:
     import matplotlib
 
     matplotlib.use("agg")
+    from belt_fenicsx.files import replaced
     from belt_fenicsx.plot import overview
 
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with replaced(path) as partial:
         overview(solution).savefig(partial, format=path.suffix[1:].lower())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -317,6 +318,23 @@ class Solution:
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),
         )
+
+    def save(self, path: str | Path) -> None:
+        """Writes the solution into a ``.npz`` file, from which `load` makes it again."""
+        from belt_fenicsx.files import save
+
+        save(self, path)
+
+    @staticmethod
+    def load(path: str | Path) -> Solution:
+        """Reads a solution that `save` wrote.
+
+        Raises:
+            SceneError: The file is not there or holds something else.
+        """
+        from belt_fenicsx.files import load
+
+        return load(path)
 
     def summary(self) -> dict[str, Any]:
         """Everything but the arrays, as plain data for JSON."""

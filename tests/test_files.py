@@ -1,0 +1,112 @@
+"""Files: what is written comes back, and nothing is left half-written."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene
+from belt_fenicsx.files import export, fields_csv, load, replaced, save, write_centreline
+
+pytestmark = pytest.mark.serial
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return bvp.solve(Scene(), rtol=1e-6)
+
+
+def test_a_saved_solution_comes_back_whole(solution, tmp_path):
+    solution.save(tmp_path / "result.npz")
+    again = Solution.load(tmp_path / "result.npz")
+    for name, values in vars(solution.fields).items():
+        assert np.array_equal(values, getattr(again.fields, name)), name
+    assert replace(again, fields=None) == replace(solution, fields=None)
+    assert again.admissible
+
+
+def test_a_failed_solution_comes_back_too(tmp_path):
+    failed = Solution(scene=Scene(), method="made up", status=Status.NEWTON_DIVERGED, message="Stage `x`")
+    save(failed, tmp_path / "failed.npz")
+    again = load(tmp_path / "failed.npz")
+    assert (again.status, again.message, again.fields) == (failed.status, failed.message, None)
+
+
+def test_a_loaded_solution_is_a_warm_start(solution, tmp_path):
+    fixed = pytest.importorskip("belt_fenicsx.augmented_lagrangian")
+    cold = fixed.solve(Scene())
+    save(cold, tmp_path / "result.npz")
+    warm = fixed.solve(Scene(), initial=load(tmp_path / "result.npz"))
+    assert warm.iterations < cold.iterations / 3
+    assert warm.omega == pytest.approx(cold.omega, rel=1e-9)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not a file of arrays", b"PK\x03\x04"])
+def test_a_file_that_is_none_of_ours(content, tmp_path):
+    path = tmp_path / "other.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SceneError, match="`path` must name a file that `save` wrote"):
+        load(path)
+
+
+def test_another_ending_is_refused(solution, tmp_path):
+    with pytest.raises(SceneError, match="`path` must end in .npz"):
+        save(solution, tmp_path / "result.dat")
+
+
+def test_csv_has_units_and_reads_back(solution):
+    head, *rows = csv.reader(io.StringIO(fields_csv(solution)))
+    table = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
+    assert np.array_equal(table["p [N/m]"], solution.fields.p)
+    assert np.array_equal(table["Q1 [N]"], solution.fields.Q[:, 0])
+    assert np.array_equal(table["y [m]"], solution.fields.y)
+
+
+@pytest.mark.parametrize("suffix", ["vtu", "vtk"])
+def test_centreline_reads_back(suffix, solution, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    path = tmp_path / f"belt.{suffix}"
+    write_centreline(solution, path)
+    mesh = meshio.read(path)
+    assert np.array_equal(mesh.points[:, :2], solution.fields.r)
+    for name in ("sigma", "theta", "D", "p", "f", "M", "v_rel"):
+        assert np.array_equal(np.ravel(mesh.point_data[name]), getattr(solution.fields, name)), name
+    assert np.array_equal(np.ravel(mesh.point_data["Q1"]), solution.fields.Q[:, 0])
+    assert len(mesh.cells_dict["line"]) == len(solution.fields.sigma) - 1
+
+
+def test_a_folder_reproduces_its_result(solution, tmp_path):
+    pytest.importorskip("meshio")
+    pytest.importorskip("tomli_w")
+    export(solution, tmp_path / "out")
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["belt.vtu", "fields.csv", "result.json", "result.npz", "scene.toml", "versions.json"]
+    scene = load_scene(tmp_path / "out" / "scene.toml")
+    assert scene == Scene()
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["omega"] == solution.omega
+    assert "numpy" in json.loads((tmp_path / "out" / "versions.json").read_text())
+    assert bvp.solve(scene, rtol=1e-6).omega == solution.omega
+
+
+def test_a_write_that_fails_leaves_the_old_file(tmp_path):
+    path = tmp_path / "result.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), replaced(path) as partial:
+        partial.write_text("half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_command_line_writes_the_folder(tmp_path, capsys):
+    pytest.importorskip("meshio")
+    pytest.importorskip("tomli_w")
+    assert cli.main(["--method", "bvp", "--out", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "result.npz").exists()
+    (tmp_path / "file").write_text("")
+    assert cli.main(["--method", "bvp", "--out", str(tmp_path / "file" / "b")]) == 2
+    assert "`--out` must name a folder" in capsys.readouterr().err
