@@ -1,0 +1,326 @@
+"""The default method: zones bounded by nodes that move."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError
+from belt_fenicsx.solution import SolveError, Status
+
+pytest.importorskip("dolfinx")
+
+from belt_fenicsx import fitted  # noqa: E402
+from belt_fenicsx.condensed import Condensed, local  # noqa: E402
+from belt_fenicsx.fitted_forms import SWITCHES, forms, lagrange_basis, points  # noqa: E402
+from belt_fenicsx.fitted_newton import Newton, newton, switches  # noqa: E402
+from belt_fenicsx.fitted_state import fields_at, from_string  # noqa: E402
+from belt_fenicsx.taut_string import taut_string  # noqa: E402
+from belt_fenicsx.zones import posed  # noqa: E402
+
+OMEGA = 1.4807092526223  # by this method at degree 14 and by collocation of the boundary-value problem
+
+
+def scene(belt=None, **pulley):
+    return Scene(belt=Belt(**(belt or {})), pulleys=(Pulley(**pulley),))
+
+
+def started(case=None, degree=3):
+    dimensionless, _ = (case or Scene()).dimensionless()
+    return dimensionless, from_string(dimensionless, taut_string(dimensionless), posed(dimensionless), degree)
+
+
+def test_sources_scene():
+    solution = fitted.solve(Scene())
+    (contact,) = solution.contacts
+    assert solution.status is Status.SOLVED
+    assert abs(solution.omega / OMEGA - 1) < 1e-8
+    assert abs(solution.omega / OMEGA - 1) < solution.error_estimate < 1e-8
+    assert contact.x_up == pytest.approx(-0.2373388667, rel=1e-8)
+    assert contact.x_off == pytest.approx(0.2360980112, rel=1e-8)
+    assert contact.x_trans == pytest.approx(0.0, abs=1e-12)
+    assert contact.torque == pytest.approx(610.315737, rel=1e-5)
+    assert [zone.kind for zone in solution.zones] == ["free", "stick", "slip", "free"]
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-8, 1e-10, 1e-11])
+def test_rtol_is_kept_and_the_estimate_is_honest(rtol):
+    solution = fitted.solve(Scene(), rtol=rtol)
+    error = abs(solution.omega / OMEGA - 1)
+    assert solution.error_estimate <= rtol
+    assert error <= solution.error_estimate <= 100 * max(error, 1e-13)
+
+
+@pytest.mark.parametrize(
+    ("case", "omega", "x_up", "x_off", "torque"),
+    [
+        (scene(slip="backward"), 1.4841983139747, -0.2364358360, 0.2375975288, -553.722116),
+        (scene(x_trans="run-off"), 1.4825151024971, -0.2368628975, 0.2368628975, 0.0),
+        (scene(x_trans="run-up"), 1.4779052879917, -0.2380946437, 0.2356934661, 1162.868190),
+        (scene(x_trans="run-up", slip="backward"), 1.4874009496195, -0.2356934661, 0.2380946437, -1162.868190),
+        (scene(omega=1.48), 1.48, -0.2375310184, 0.2359498812, 772.890001),
+        (scene(friction=0.02), 1.482261967364, -0.2369179552, 0.2367539036, 80.264825),
+    ],
+    ids=["backward", "pure stick", "pure slip", "pure backward slip", "given omega", "sliding at the run-up"],
+)
+def test_other_drives(case, omega, x_up, x_off, torque):
+    solution = fitted.solve(case, rtol=1e-10)
+    (contact,) = solution.contacts
+    assert solution.admissible
+    assert contact.omega == pytest.approx(omega, rel=1e-10)
+    assert contact.x_up == pytest.approx(x_up, abs=2e-9)
+    assert contact.x_off == pytest.approx(x_off, abs=2e-9)
+    assert contact.torque == pytest.approx(torque, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("case", "omega"),
+    [
+        (scene({"thickness": 0.005}), 1.478489840725),
+        (scene({"thickness": 0.002}), 1.478236163997),
+        (scene(friction=1.0), 1.473890161990),
+        (scene({"poisson_ratio": 0.0}), 1.481024986520),
+    ],
+    ids=["h = 0.005", "h = 0.002", "mu = 1", "nu = 0"],
+)
+def test_other_belts(case, omega):
+    assert fitted.solve(case).omega == pytest.approx(omega, rel=1e-8)
+
+
+def test_sliding_zone_at_the_run_up():
+    solution = fitted.solve(scene(friction=0.02), rtol=1e-10)
+    assert [(zone.kind, zone.slip) for zone in solution.contacts[0].zones] == [
+        ("slip", "forward"),
+        ("stick", None),
+        ("slip", "forward"),
+    ]
+    assert solution.zones[1].x[1] == pytest.approx(-0.2115616953, abs=1e-7)
+
+
+def test_given_speed_finds_the_transition():
+    (contact,) = fitted.solve(scene(omega=1.48), rtol=1e-10).contacts
+    assert contact.x_trans == pytest.approx(-0.08622586, abs=2e-8)
+
+
+def test_tractions_on_both_sides_of_the_borders():
+    fields = fitted.solve(Scene(), rtol=1e-11).fields
+    stick, slip = fields.zone == 1, fields.zone == 2
+    assert fields.p[stick][0] == pytest.approx(49538.39977, rel=1e-7)
+    assert fields.p[slip][-1] == pytest.approx(50996.57215, rel=1e-7)
+    assert fields.f[slip][0] == pytest.approx(-2700.23166, rel=1e-6)
+    assert fields.f[slip][-1] == pytest.approx(-10199.31, abs=0.01)
+    assert np.all(fields.p[fields.zone == 0] == 0.0)
+
+
+def test_fields_at_any_point():
+    solution = fitted.solve(Scene(), rtol=1e-11)
+    dimensionless, units = Scene().dimensionless()
+    dense = solution.fields
+    # p and f have two values where cells meet.
+    inside = np.abs(dense.sigma[:, None] - solution.state.sigma[:, 0]).min(axis=1) > 1e-9
+    inside[-1] = False
+    again = fields_at(dimensionless, solution.state, dense.sigma[inside]).in_units(units)
+    for name in ("r", "theta", "phi", "D", "kappa", "p", "f", "M"):
+        a, b = getattr(again, name), getattr(dense, name)[inside]
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
+    border = np.array([solution.zones[1].sigma[0]])
+    before = fields_at(dimensionless, solution.state, border, before=True)
+    after = fields_at(dimensionless, solution.state, border)
+    assert (before.zone[0], after.zone[0]) == (0, 1)
+    assert before.p[0] == 0.0 < after.p[0]
+    np.testing.assert_allclose(before.D, after.D, rtol=1e-8)
+
+
+def test_fields_satisfy_equilibrium_and_coulombs_law():
+    fields = fitted.solve(Scene(), rtol=1e-11).fields
+    slip = fields.zone == 2
+    np.testing.assert_allclose(fields.f[slip], -0.2 * fields.p[slip], rtol=1e-12)
+    free = fields.zone == 0
+    e1 = np.column_stack([np.cos(fields.theta), np.sin(fields.theta)])
+    e2 = np.column_stack([-np.sin(fields.theta), np.cos(fields.theta)])
+    force = (fields.Q[:, :1] * e1 + fields.Q[:, 1:] * e2)[free]
+    np.testing.assert_allclose(force, np.broadcast_to(force[0], force.shape), atol=1e-7 * np.abs(force).max())
+
+
+def test_error_falls_with_the_degree_and_with_the_cells():
+    by_degree = [abs(fitted.solve(Scene(), degree=k).omega / OMEGA - 1) for k in (5, 7, 9)]
+    assert by_degree[1] < by_degree[0] / 5 and by_degree[2] < by_degree[1] / 5
+    by_cells = [abs(fitted.solve(Scene(), degree=5, elements=n).omega / OMEGA - 1) for n in (12, 24, 48)]
+    order = np.log2(by_cells[1] / by_cells[2])
+    assert order > 5.0
+
+
+def test_warm_start_leaves_out_the_string():
+    first = fitted.solve(Scene())
+    warm = fitted.solve(scene(x_trans=0.05), initial=first)
+    cold = fitted.solve(scene(x_trans=0.05))
+    assert warm.omega == pytest.approx(cold.omega, rel=1e-8)
+    assert {stage.name: stage.iterations for stage in warm.stages}["taut string"] is None
+    assert {stage.name: stage.iterations for stage in cold.stages}["taut string"] == 0
+    assert warm.stages[0].iterations <= 2
+
+
+def test_warm_start_from_other_zones_starts_afresh():
+    first = fitted.solve(scene(x_trans="run-off"))
+    assert fitted.solve(Scene(), initial=first).omega == pytest.approx(OMEGA, rel=1e-8)
+
+
+def test_sweep_compiles_nothing_after_its_first_scene():
+    first = fitted.solve(Scene())
+    made = forms.cache_info().misses, newton.cache_info().misses
+    for x_trans in (-0.002, 0.001, 0.002):
+        fitted.solve(scene(x_trans=x_trans), initial=first)
+    assert (forms.cache_info().misses, newton.cache_info().misses) == made
+
+
+def test_frictionless_belt_has_no_friction_unknowns():
+    dimensionless, state = started(scene(friction=0.0))
+    dofs = forms(3, len(state.cells)).dofs
+    without, with_friction = (Condensed(state.mesh, 3, dofs, friction) for friction in (False, True))
+    assert without.size < with_friction.size
+    friction = set(dofs[:, local(3).f].ravel())
+    assert not any(friction & set(group.dofs.ravel()) for group in without.groups)
+    solution = fitted.solve(scene(friction=0.0))
+    assert np.all(solution.fields.f == 0.0) and solution.contacts[0].torque == 0.0
+
+
+def test_pure_stick_and_pure_slip_have_one_contact_zone():
+    for end in ("run-up", "run-off"):
+        assert len(fitted.solve(scene(x_trans=end)).contacts[0].zones) == 1
+
+
+def test_straight_belt_is_clear_of_the_pulley():
+    with pytest.raises(SolveError, match="clear of the pulley"):
+        fitted.solve(scene(center=(0.0, -0.8)))
+    solution = fitted.solve(scene(center=(0.0, -0.8)), throw=False)
+    assert solution.status is Status.CONTACT_LOST and solution.iterations == 0
+
+
+@pytest.mark.parametrize("x_trans", [-0.5, -0.25, 0.25, 0.3, 0.6])
+def test_transition_outside_of_the_contact_is_an_error(x_trans):
+    with pytest.raises(SceneError, match="contact zone"):
+        fitted.solve(scene(x_trans=x_trans))
+
+
+@pytest.mark.parametrize(
+    ("x_trans", "slip"), [(-0.235, "forward"), (0.235, "forward"), (-0.2, "backward"), (0.235, "backward")]
+)
+def test_transition_close_to_the_ends_of_the_contact(x_trans, slip):
+    assert fitted.solve(scene(x_trans=x_trans, slip=slip)).contacts[0].x_trans == pytest.approx(x_trans, abs=1e-10)
+
+
+def test_arguments():
+    with pytest.raises(SceneError, match="degree"):
+        fitted.solve(Scene(), degree=3)
+    with pytest.raises(SceneError, match="torque"):
+        fitted.solve(scene(torque=1.0))
+
+
+def test_petsc_options_reach_snes():
+    solution = fitted.solve(Scene(), options={"snes_max_it": 1}, throw=False)
+    assert solution.status is Status.NEWTON_DIVERGED
+    assert "degree 3" in solution.message
+
+
+def test_no_step_lets_borders_cross():
+    dimensionless, state = started(scene(x_trans=0.2), degree=3)
+    iteration = Newton(state.mesh, 3, True, None)
+    seen = []
+    plain = iteration.forms.residual
+
+    def watched(b):
+        seen.append(np.diff(iteration.forms.unknown.x.array[iteration.condensed.dofs[-4:-1]]).min())
+        plain(b)
+
+    object.__setattr__(iteration.forms, "residual", watched)
+    try:
+        iteration.solve(dimensionless, state, 1e-6)
+    finally:
+        object.__delattr__(iteration.forms, "residual")
+    assert min(seen) > 0.0
+
+
+@pytest.mark.parametrize("degree", [3, 6])
+def test_step_solves_the_linearised_equations(degree):
+    """The step of the condensed matrix against that of the whole one, made from the same cells."""
+    dimensionless, state = started(degree=degree)
+    iteration = newton(state.mesh, degree, True, ())
+    state, _ = iteration.solve(dimensionless, state, 1e-3)
+    forms_, condensed, at = iteration.forms, iteration.condensed, local(degree)
+    size = forms_.unknown.x.array.size
+    b, stack = np.empty(size), np.empty_like(iteration._jacobians)
+    forms_.unknown.x.array[:] += 1e-4 * np.sin(np.arange(size))
+    forms_.residual(b)
+    forms_.jacobians(stack)
+    whole = np.zeros((size, size))
+    for dofs, cell in zip(forms_.dofs, stack, strict=True):
+        whole[np.ix_(dofs, dofs)] += cell
+    weights = np.stack([1.0 - state.cells, state.cells], axis=2)
+    step, _ = condensed.step(stack.copy(), b, weights)
+    left = whole @ step + b
+    solved = np.concatenate([condensed.dofs, *(group.dofs.ravel() for group in condensed.groups)])
+    assert np.abs(left[solved]).max() < 1e-9 * max(1.0, np.abs(whole).max() * np.abs(step).max())
+    held = forms_.dofs[[0, -1]][[0, 0, 0, 1, 1, 1], [*at.r[0], at.theta[0], *at.r[1], at.theta[1]]]
+    assert np.all(step[held] == 0.0)
+
+
+def test_jacobian_is_the_residuals_derivative():
+    dimensionless, state = started()
+    iteration = newton(state.mesh, 3, True, ())
+    iteration.solve(dimensionless, state, 1e-3)
+    forms_ = iteration.forms
+    u, direction = forms_.unknown.x.array, np.cos(np.arange(forms_.unknown.x.array.size))
+    stack, plus, minus = np.empty_like(iteration._jacobians), np.empty_like(u), np.empty_like(u)
+    forms_.jacobians(stack)
+    exact = np.zeros_like(u)
+    for dofs, cell in zip(forms_.dofs, stack, strict=True):
+        exact[dofs] += cell @ direction[dofs]
+    start, h = u.copy(), 1e-6
+    u[:] = start + h * direction
+    forms_.residual(plus)
+    u[:] = start - h * direction
+    forms_.residual(minus)
+    np.testing.assert_allclose((plus - minus) / (2 * h), exact, atol=1e-6 * np.abs(exact).max())
+
+
+def test_cells_lie_in_the_direction_of_travel():
+    nodes = forms(3, 12).unknown.function_space.mesh.geometry.x[:, 0]
+    np.testing.assert_allclose(np.sort(nodes), np.arange(13))
+    dofs, at = forms(3, 12).dofs, local(3)
+    np.testing.assert_array_equal(dofs[1:, at.r[0]], dofs[:-1, at.r[1]])
+    np.testing.assert_array_equal(dofs[1:, at.sigma[0]], dofs[:-1, at.sigma[1]])
+
+
+def test_switches_say_where_each_border_condition_holds():
+    _, state = started()
+    on = switches(state.mesh, 0.2)
+    up, trans, off = state.mesh.ends
+    column = {name: on[..., index] for index, name in enumerate(SWITCHES)}
+    assert np.argwhere(column["tangent"]).tolist() == [[up - 1, 1], [off, 0]]
+    assert np.argwhere(column["x"]).tolist() == [[trans, 0]]
+    assert np.argwhere(column["grip"]).tolist() == [[up - 1, 1]]
+    assert np.all(column["friction"][trans:off] == 0.2) and not column["friction"][:trans].any()
+
+
+@pytest.mark.parametrize("degree", [3, 7, 13])
+def test_lagrange_polynomials(degree):
+    nodes, gauss = points(degree)
+    assert (nodes[0], nodes[1], gauss.size) == (0.0, 1.0, degree)
+    at = np.linspace(0.0, 1.0, 7)
+    values, slopes = lagrange_basis(nodes, at)
+    np.testing.assert_allclose(values @ nodes**degree, at**degree, atol=1e-12)
+    np.testing.assert_allclose(slopes @ nodes**degree, degree * at ** (degree - 1), atol=1e-10)
+    np.testing.assert_allclose(lagrange_basis(gauss, gauss)[0], np.eye(degree), atol=1e-11)
+
+
+@pytest.mark.serial
+def test_no_scipy_and_no_matplotlib_is_loaded():
+    code = (
+        "import sys, dolfinx, dolfinx.fem.petsc; before = 'scipy' in sys.modules\n"
+        "from belt_fenicsx import fitted, scene; fitted.solve(scene.Scene())\n"
+        "assert before or 'scipy' not in sys.modules; assert 'matplotlib' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
