@@ -312,15 +312,17 @@ class _Run:
         """Updates the multipliers and measures their change and the penetration, both relative."""
         old = self.multipliers
         new = self.multipliers = old.updated(state, self.pulley, penalty=self.penalty, friction=friction)
-        changes = [np.sum(state.weights * part) for part in (abs(new.p - old.p), abs(new.f - old.f), new.p)]
-        comm = self.problem.space.comm
-        dp, df, total = comm.allreduce(np.array(changes))
+        comm, weights = self.problem.space.comm, state.weights
+        sums = np.array([np.sum(weights * part) for part in (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p)])
+        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
+        comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
+        dp, df, total = sums
         if total == 0.0:
             raise _ContactLost("no Gauss point is in contact")
-        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0)
         self.measures = {
             "multiplier_change": float(max(dp, df) / total),
-            "penetration": float(comm.allreduce(deepest, MPI.MAX) / self.pulley.radius),
+            "penetration": float(deepest.item() / self.pulley.radius),
             "penalty": self.penalty,
         }
 

@@ -78,8 +78,8 @@ def _solver(args: argparse.Namespace, petsc: list[str]) -> Solver:
         raise Missing(f"DOLFINx is needed, but {sys.executable} lacks it; --method bvp runs without.")
     import petsc4py
 
-    # PETSc reads its options when it starts, which is when DOLFINx is imported.
-    petsc4py.init([PROGRAM, *petsc])
+    # PETSc reads its options when it starts, which is when DOLFINx is imported. A closed pipe is for Python to notice.
+    petsc4py.init([PROGRAM, "-no_signal_handler", *petsc])
     from belt_fenicsx.solver import solve
 
     return functools.partial(solve, **options)

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, solve
 from belt_fenicsx.augmented_lagrangian import Penalties
@@ -169,9 +170,20 @@ def test_failure_names_its_stage_and_can_be_had_without_an_exception():
         solve_fixed(Scene(), options=options)
 
 
-def test_more_ranks_than_elements():
+@pytest.mark.parametrize("elements", [100, 200])
+def test_same_omega_on_any_number_of_ranks(elements):
+    together, alone = (solve_fixed(Scene(), elements=elements, comm=comm) for comm in (MPI.COMM_WORLD, MPI.COMM_SELF))
+    assert together.omega == pytest.approx(alone.omega, rel=1e-12)
+    assert together.contacts[0].torque == pytest.approx(alone.contacts[0].torque, rel=1e-9)
+    assert together.fields.sigma == pytest.approx(alone.fields.sigma, abs=1e-15)
+    assert together.fields.p == pytest.approx(alone.fields.p, abs=1e-3)
+    assert MPI.COMM_WORLD.allgather(together.omega) == [together.omega] * MPI.COMM_WORLD.size
+
+
+@pytest.mark.parametrize("elements", [0, 1, MPI.COMM_WORLD.size - 1, 2.5, True])
+def test_more_ranks_than_elements(elements):
     with pytest.raises(SceneError, match="`elements` must be a whole number of at least"):
-        solve_fixed(Scene(), elements=0)
+        solve_fixed(Scene(), elements=elements)
 
 
 def test_pulley_below_the_straight_belt_costs_no_solve():
