@@ -10,6 +10,8 @@ import numpy as np
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Array, Check, Fields, Solution, Status, Zone
 
+# Sums over the whole contact of values that are known at points: what is wrong in kind misses by far more.
+BALANCE = 1e-3
 SENSE = {"forward": 1.0, "backward": -1.0}
 
 
@@ -83,7 +85,46 @@ def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance:
         sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
         speed = scene.transport_rate * fields.D
         check("sense of sliding in slip", sense * fields.v_rel / speed, sliding)
+    for name, margin in _balances(scene, fields):
+        allowed = max(tolerance, BALANCE)
+        checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))
     return tuple(checks)
+
+
+def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
+    """Names and margins of the equilibrium of the whole belt between its clamps, integrated from (18.17).
+
+    What the pulley exerts, summed up along the contact, has to be what the belt's forces and moments in the two free
+    spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to the
+    whole pressure.
+    """
+    radius, center = scene.pulleys[0].radius, np.asarray(scene.pulleys[0].center)
+    (e1, e2), (t, n) = _axes(fields.theta), _axes(fields.phi)
+    arm = fields.r - center
+    force = fields.Q[:, :1] * e1 + fields.Q[:, 1:] * e2
+    load = fields.f[:, None] * t + fields.p[:, None] * n
+    whole = fields.weight @ fields.p
+    if not whole > 0.0:
+        return []
+    moment = fields.M + _cross(arm, force)
+    # Constant in a free span; its mean is what a fixed mesh holds in equilibrium where it does not resolve the layers.
+    first, last = (np.where(fields.zone == zone, fields.weight, 0.0) for zone in (0, fields.zone[-1]))
+    first, last = first / first.sum(), last / last.sum()
+    defect = fields.weight @ load + last @ force - first @ force
+    twist = fields.weight @ _cross(arm, load) + last @ moment - first @ moment
+    return [
+        ("balance of forces", -float(np.hypot(*defect) / whole)),
+        ("balance of moments", -float(abs(twist) / (whole * radius))),
+    ]
+
+
+def _axes(angle: Array) -> tuple[Array, Array]:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c, s]), np.column_stack([-s, c])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:

@@ -88,6 +88,7 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
     fields = Fields.from_state(
         scene.belt,
         zone=np.searchsorted(starts, np.arange(len(kinds)), side="right"),
+        weight=data.weight,
         sigma=data.sigma,
         r=data.r,
         theta=data.theta,
@@ -115,8 +116,9 @@ def _without_short_runs(kinds: Array) -> Array:
     kinds = kinds.copy()
     bounds = np.concatenate([[0], np.flatnonzero(kinds[1:] != kinds[:-1]) + 1, [len(kinds)]])
     for start, end in zip(bounds[1:-2], bounds[2:-1], strict=True):
-        if end - start < SHORTEST_RUN:
-            kinds[start:end] = kinds[start - 1] if kinds[start - 1] != FREE else kinds[end]
+        neighbours = [kind for kind in (kinds[start - 1], kinds[end]) if kind != FREE]
+        if end - start < SHORTEST_RUN and neighbours:
+            kinds[start:end] = neighbours[0]
     return kinds
 
 

@@ -62,6 +62,7 @@ class Fields:
 
     Attributes:
         zone: Index into the solution's zones ``(n,)``.
+        weight: Weights of a quadrature along the belt ``(n,)`` [m]: ``weight @ p`` is the whole pressure.
         sigma: Coordinate in [-Ls/2, Ls/2] ``(n,)`` [m].
         r: Position ``(n, 2)`` [m].
         theta: Angle of the cross-section ``(n,)`` [rad].
@@ -78,6 +79,7 @@ class Fields:
     """
 
     zone: Array
+    weight: Array
     sigma: Array
     r: Array
     theta: Array
@@ -117,21 +119,45 @@ class Fields:
         p: Array,
         f: Array,
         v_rel: Array,
+        weight: Array | None = None,
     ) -> Fields:
-        """Adds strains and forces by the constitutive law (18.5), (18.6)."""
+        """Adds strains and forces by the constitutive law (18.5), (18.6), and the weights of Simpson's rule."""
+        if weight is None:
+            borders = np.flatnonzero(np.diff(zone)) + 1
+            weight = np.concatenate([simpson_weights(part) for part in np.split(sigma, borders)])
         psi = theta - phi
         eps, Gamma = D * np.cos(psi) - 1.0, -D * np.sin(psi)
         Q = np.column_stack([belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma])
         M = belt.bending_stiffness * kappa
         return cls(
-            zone=zone, sigma=sigma, r=r, theta=theta, phi=phi, D=D, eps=eps, Gamma=Gamma, kappa=kappa, Q=Q, M=M,
-            p=p, f=f, v_rel=v_rel,
+            zone=zone, weight=weight, sigma=sigma, r=r, theta=theta, phi=phi, D=D, eps=eps, Gamma=Gamma, kappa=kappa,
+            Q=Q, M=M, p=p, f=f, v_rel=v_rel,
         )  # fmt: skip
 
     def in_units(self, units: Units) -> Fields:
         """The fields of a dimensionless scene in the given units."""
-        scaled = {name: getattr(self, name) * _unit(quantity, units) for name, quantity in QUANTITIES.items()}
+        scaled = {"weight": self.weight * units.length}
+        scaled |= {name: getattr(self, name) * _unit(quantity, units) for name, quantity in QUANTITIES.items()}
         return replace(self, **scaled)
+
+
+def simpson_weights(x: Array) -> Array:
+    """Weights of Simpson's rule on unequal points, parabola by parabola ``(n,)``."""
+    weights, h = np.zeros(len(x)), np.diff(x)
+    if len(h) < 2:
+        return np.full(len(x), h.sum() / len(x))
+    even = len(h) // 2 * 2
+    left, right = h[:even:2], h[1:even:2]
+    third = (left + right) / 6.0
+    weights[:even:2] += third * (2.0 - right / left)
+    weights[1:even:2] += third * (left + right) ** 2 / (left * right)
+    weights[2 : even + 1 : 2] += third * (2.0 - left / right)
+    if even < len(h):
+        before, last = h[-2:]
+        weights[-1] += last * (2.0 * last + 3.0 * before) / (6.0 * (before + last))
+        weights[-2] += last * (last + 3.0 * before) / (6.0 * before)
+        weights[-3] -= last**3 / (6.0 * before * (before + last))
+    return weights
 
 
 def _unit(quantity: Quantity, units: Units) -> float:
