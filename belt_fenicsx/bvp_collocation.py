@@ -100,7 +100,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
 
 
 def refined(
-    problem: Problem, coarse: Discrete, functional: Callable[[Discrete], float], rtol: float
+    problem: Problem, coarse: Discrete, functional: Callable[[Problem, Discrete], float], rtol: float
 ) -> tuple[Discrete, float, int]:
     """Refines a solution until the functional is as accurate as wanted.
 
@@ -108,12 +108,12 @@ def refined(
         The last solution, the estimated relative error of the functional, and the number of Jacobians.
     """
     iterations = 0
-    intervals = max(1.5 * COARSE, (TYPICAL / rtol) ** (1 / ORDER))
+    intervals = max(1.5 * (coarse.mesh.size - 1), (TYPICAL / rtol) ** (1 / ORDER))
     while True:
         fine = newton(problem, coarse.on(math.ceil(intervals)), min(max(rtol, FINEST_NEWTON), NEWTON))
         iterations += fine.iterations
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
-        change = abs(functional(fine) / functional(coarse) - 1.0)
+        change = abs(functional(problem, fine) / functional(problem, coarse) - 1.0)
         error = SAFETY * change / (ratio**ORDER - 1.0)
         if error <= rtol or not fine.converged or intervals >= FINEST:
             return fine, error, iterations

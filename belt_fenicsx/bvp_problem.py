@@ -31,9 +31,9 @@ class Condition:
     value: float = 0.0
 
 
-def component(index: int) -> StateFunction:
+def component(index: int, sign: float = 1.0) -> StateFunction:
     """One component of the state x, y, phi, theta, kappa, D."""
-    return lambda state: (state[index], np.eye(6)[index])
+    return lambda state: (sign * state[index], sign * np.eye(6)[index])
 
 
 def moment(rod: Rod, sign: float) -> StateFunction:
