@@ -31,7 +31,7 @@ from belt_fenicsx import recognition
 from belt_fenicsx.certificate import SENSE, certified, check_transition
 from belt_fenicsx.lagrangian_forms import Problem, State
 from belt_fenicsx.newton import NewtonError
-from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
+from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene, SceneError
 from belt_fenicsx.solution import Fields, Solution, Stage, Status, finish
 from belt_fenicsx.taut_string import taut_string
 
@@ -144,9 +144,14 @@ def solve(
         The solution, with fields at two Gauss points in each element.
 
     Raises:
-        SceneError: The transition is not in the contact zone, or there are more ranks than elements.
+        SceneError: The pulley is driven in another way, the transition is not in the contact zone, or there are more
+            ranks than elements.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
+    pulley = scene.pulleys[0]
+    if pulley.drive != "x_trans":
+        expected = f"be left out with the method {NAME}, which needs `x_trans`"
+        raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
     stages: list[Stage] = []

@@ -160,6 +160,12 @@ def test_transition_outside_contact_names_the_contact_zone():
         solve_fixed(scene(x_trans=0.3))
 
 
+@pytest.mark.parametrize(("drive", "value"), [("omega", 1.48), ("torque", 600.0)])
+def test_other_drives_are_refused(drive, value):
+    with pytest.raises(SceneError, match=f"`pulleys.0.{drive}` must be left out with the method augmented-lagrangian"):
+        solve_fixed(scene(**{drive: value}))
+
+
 def test_failure_names_its_stage_and_can_be_had_without_an_exception():
     options = {"pc_type": "none"}
     solution = solve_fixed(Scene(), options=options, throw=False)

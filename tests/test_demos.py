@@ -9,6 +9,7 @@ DEMOS = Path(__file__).parent.parent / "demos"
 FIGURES = {
     "demo_one_pulley": ("contact_forces.png", "strains.png", "deformed_belt.png"),
     "demo_omega_range": ("omega_range.png",),
+    "demo_characteristic": ("characteristic.png",),
 }
 
 
