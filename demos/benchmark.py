@@ -26,6 +26,7 @@ from statistics import median
 import dolfinx
 import numpy as np
 import scipy
+from readme import write_into_readme
 
 from belt_fenicsx import Scene, bvp, solve
 from belt_fenicsx.plot import NAMES, STYLES
@@ -35,7 +36,6 @@ logging.basicConfig(level=logging.WARNING)
 logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 HERE = Path(__file__).parent
-README = HERE.parent / "README.md"
 FIGURE = HERE / "figures" / "benchmark.png"
 FIXED, FITTED, BVP = "augmented-lagrangian", "fitted", "bvp"
 ELEMENTS = (25, 50, 100, 200, 400, 800, 1600)
@@ -202,13 +202,6 @@ def draw(runs: list[Run], path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_into_readme(text: str) -> None:
-    """Replaces what stands between the README's two markers."""
-    before, _, rest = README.read_text().partition("<!-- benchmark -->\n")
-    _, _, after = rest.partition("<!-- /benchmark -->")
-    README.write_text(f"{before}<!-- benchmark -->\n{text}\n<!-- /benchmark -->{after}")
-
-
 # %%
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Run time against error, for all methods.")
@@ -220,4 +213,4 @@ if __name__ == "__main__":
     print(text)
     draw(finished, FIGURE if arguments.readme else HERE / "output" / "benchmark.png")
     if arguments.readme:
-        write_into_readme(text)
+        write_into_readme("benchmark", text)

@@ -18,9 +18,9 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from readme import write_into_readme
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, bvp, solve
 from belt_fenicsx.taut_string import taut_string
@@ -29,7 +29,6 @@ from belt_fenicsx.taut_string import taut_string
 logging.basicConfig(level=logging.WARNING)
 logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
-README = Path(__file__).parent.parent / "README.md"
 AGREEMENT = 1e-7
 RTOL = 1e-9
 AGREED, SAME_REFUSAL = "agreed", "refused by both for the same reason"
@@ -157,13 +156,6 @@ def failures(outcomes: list[Outcome]) -> list[Outcome]:
     return [result for result in outcomes if result.cause != AGREED and not result.cause.startswith(SAME_REFUSAL)]
 
 
-def write_into_readme(text: str) -> None:
-    """Replaces what stands between the README's two markers."""
-    before, _, rest = README.read_text().partition("<!-- stress -->\n")
-    _, _, after = rest.partition("<!-- /stress -->")
-    README.write_text(f"{before}<!-- stress -->\n{text}\n<!-- /stress -->{after}")
-
-
 # %%
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Solves scenes at random by two methods.")
@@ -177,4 +169,4 @@ if __name__ == "__main__":
     for failed in failures(finished):
         print(f"\n{failed.number}: {failed.cause}, difference {failed.difference:.1e}\n   {failed.scene}")
     if arguments.readme:
-        write_into_readme(f"{arguments.count} scenes, seed {arguments.seed}.\n\n{text}")
+        write_into_readme("stress", f"{arguments.count} scenes, seed {arguments.seed}.\n\n{text}")
