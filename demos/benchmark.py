@@ -29,6 +29,7 @@ import scipy
 from readme import write_into_readme
 
 from belt_fenicsx import Scene, bvp, solve
+from belt_fenicsx.fitted import solve as solve_fitted
 from belt_fenicsx.plot import NAMES, STYLES
 
 # DOLFINx 0.5 tells of each form that it compiles, by the root logger.
@@ -40,6 +41,7 @@ FIGURE = HERE / "figures" / "benchmark.png"
 FIXED, FITTED, BVP = "augmented-lagrangian", "fitted", "bvp"
 ELEMENTS = (25, 50, 100, 200, 400, 800, 1600)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+DEGREE = 8
 TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 
 scene = Scene()
@@ -109,6 +111,47 @@ def fastest(runs: list[Run], method: str, target: float) -> Run | None:
 
 
 # %% [markdown]
+# ## Cost against size
+#
+# Time of a Newton iteration against the number of unknowns: the last stage of a solve, with its updates of multipliers,
+# divided by its iterations. On the fixed mesh the elements are many, and their matrix is a sparse one. The fitted zones
+# need some twenty elements, and what is left after the elimination cell by cell is solved densely: that is cheap for
+# tens of elements, and not made for thousands.
+
+
+# %%
+@dataclass(frozen=True)
+class Sized:
+    """Newton's iteration at one size."""
+
+    method: str
+    unknowns: int
+    seconds: float
+
+
+def against_size(repeats: int) -> list[Sized]:
+    """Median time of a Newton iteration of both finite element methods, over the number of unknowns."""
+    cases = [(FIXED, n, 6 * (n + 1), {"method": FIXED}) for n in (16, 64, 256, 1024, 4096, 16384)]
+    cases += [(FITTED, n, (5 * DEGREE + 3) * n, {"degree": DEGREE, "solver": solve_fitted}) for n in (12, 24, 48, 96)]
+    rows = []
+    for method, elements, unknowns, arguments in cases:
+        solver = arguments.pop("solver", solve)
+        times = []
+        for _ in range(repeats + 1):
+            solution = solver(scene, elements=elements, throw=False, **arguments)
+            last = [stage for stage in solution.stages if stage.iterations][-1]
+            times.append(last.seconds / last.iterations)
+        rows.append(Sized(method, unknowns, median(times[1:])))
+    return rows
+
+
+def slope(rows: list[Sized], method: str, least: int) -> float:
+    """Fitted power of the number of unknowns, from ``least`` unknowns on."""
+    own = [row for row in rows if row.method == method and row.unknowns >= least]
+    return float(np.polyfit(np.log([row.unknowns for row in own]), np.log([row.seconds for row in own]), 1)[0])
+
+
+# %% [markdown]
 # ## What a process pays before its first solve
 #
 # Each in a process of its own: loading DOLFINx alone, loading this package, and one scene from the command line; with
@@ -153,7 +196,7 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def report(runs: list[Run], processes: list[tuple[str, float]]) -> str:
+def report(runs: list[Run], sizes: list[Sized], processes: list[tuple[str, float]]) -> str:
     """All tables as Markdown."""
 
     def cell(run: Run | None) -> str:
@@ -176,6 +219,12 @@ def report(runs: list[Run], processes: list[tuple[str, float]]) -> str:
             versions,
             table(head, rows),
             table(("method", "setting", "true error", "time [ms]"), every),
+            table(
+                ("method", "unknowns", "Newton iteration [ms]"),
+                [(NAMES[row.method], str(row.unknowns), f"{1e3 * row.seconds:.3g}") for row in sizes],
+            ),
+            f"Fitted power of the unknowns: {slope(sizes, FIXED, 1000):.2f} on the fixed mesh (from 1000 unknowns on), "
+            f"{slope(sizes, FITTED, 0):.2f} with fitted zones.",
             table(("process", "wall time [s]"), [(name, f"{seconds:.2f}") for name, seconds in processes]),
         )
     )
@@ -209,7 +258,7 @@ if __name__ == "__main__":
     parser.add_argument("--readme", action="store_true", help="write tables and figure into the README")
     arguments = parser.parse_args()
     finished = measured(all_runs(), reference(), arguments.repeats)
-    text = report(finished, start_up(min(arguments.repeats, 5)))
+    text = report(finished, against_size(3), start_up(min(arguments.repeats, 5)))
     print(text)
     draw(finished, FIGURE if arguments.readme else HERE / "output" / "benchmark.png")
     if arguments.readme:
