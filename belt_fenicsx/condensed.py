@@ -96,7 +96,8 @@ class Condensed:
         of_border = np.concatenate([[nowhere], np.arange(fields, size - 1), [nowhere]])
         row_of_border, row_of_grip = np.full(n + 1, nowhere), np.full(n + 1, nowhere)
         row_of_border[mesh.ends] = of_border[1:-1]
-        row_of_grip[grip] = size - 1
+        grips = np.arange(mesh.ends[0], mesh.ends[-1] + 1) if mesh.zones.by_force else [grip]
+        row_of_grip[grips] = size - 1
 
         self.size, self.fields = size, fields
         self.dofs = np.concatenate(
@@ -107,6 +108,7 @@ class Condensed:
                 dofs[[grip], at.D[0]],
             ]
         )
+        self.grip_dofs = dofs[grips, at.D[0]]
         self.cell_dofs, self.local = dofs, at
         self.zone = mesh.zone
         self.groups = []
@@ -163,8 +165,10 @@ class Condensed:
             eliminated.append(solved)
         matrix = np.bincount(self._places, np.concatenate(entries), (size + 1) * (size + 2))
         matrix = matrix.reshape(size + 1, size + 2)[:size]
+        left = residual[self.dofs]
+        left[-1] = residual[self.grip_dofs].sum()
         unknowns = np.zeros(size + 1)
-        unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1] - residual[self.dofs])
+        unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1] - left)
 
         step = np.zeros_like(residual)
         for group, solved in zip(self.groups, eliminated, strict=True):

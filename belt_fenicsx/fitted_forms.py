@@ -22,8 +22,8 @@ from mpi4py import MPI
 from belt_fenicsx import compat, contact, elements, rod
 from belt_fenicsx.solution import Array
 
-CONSTANTS = ("a", "b1", "b2", "R", "xc", "H", "x_trans", "D_given")
-SWITCHES = ("touch", "stick", "friction", "tangent", "x", "speed", "coulomb", "grip")
+CONSTANTS = ("a", "b1", "b2", "R", "xc", "H", "mu", "x_trans", "D_given", "force_given")
+SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
 
 
 @dataclass(frozen=True)
@@ -122,11 +122,12 @@ def residual(unknown: fem.Function, switches: fem.Function, constants: fem.Const
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
     gap = contact.penetration(r, radius=given["R"], center=center)
-    coulomb = f + on["friction"] * p
+    coulomb = f + on["sense"] * given["mu"] * p
     pulley = (
         v_p * on["touch"] * gap
         + v_f * (on["stick"] * (D - D_stick) + (on["touch"] - on["stick"]) * coulomb)
         - ufl.dot(f * t + p * n, v_r) * sigma.dx(0)
+        + v_D * on["force"] * on["touch"] * f * sigma.dx(0)
     ) * at_gauss_points
     borders = (
         v_sigma
@@ -135,8 +136,9 @@ def residual(unknown: fem.Function, switches: fem.Function, constants: fem.Const
             + on["x"] * (r[0] - given["x_trans"])
             + on["speed"] * (D_stick - given["D_given"])
             + on["coulomb"] * coulomb
+            + on["hold"] * (D - D_stick)
         )
-        + v_D * on["grip"] * (D - D_stick)
+        + v_D * on["grip"] * ((1 - on["force"]) * (D - D_stick) - on["force"] * given["force_given"])
     ) * at_nodes
     return elastic + pulley + borders
 

@@ -24,11 +24,12 @@ LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 
 
 class Newton:
-    """SNES on the residual of one list of zones, cells and degree.
+    """Newton's iteration on the residual of one list of zones, cells and degree.
 
-    The Jacobian is never a PETSc matrix: PETSc's own LU meets zero pivots here, and MUMPS, the one sparse solver with
-    pivoting that all builds of PETSc have, took 0.7 to 2 ms for a step where the elimination cell by cell in
-    `condensed` took 0.4 to 1 ms.
+    It is a SNES, with its options and monitors, of a type that is written here: the callbacks of PETSc's own type took
+    a third of a step's time. The Jacobian is never a PETSc matrix: PETSc's own LU meets zero pivots here, and MUMPS,
+    the one sparse solver with pivoting that all builds of PETSc have, took 0.7 to 2 ms for a step where the elimination
+    cell by cell in `condensed` took 0.4 to 1 ms.
     """
 
     def __init__(self, mesh: Mesh, degree: int, friction: bool, options: Mapping[str, Any] | None) -> None:
@@ -37,70 +38,75 @@ class Newton:
         self._u = self.forms.unknown.x.array
         n, width = self.forms.dofs.shape
         self._jacobians = np.empty((n, width, width))
-        self._x, self._b = (PETSc.Vec().createSeq(self._u.size, comm=MPI.COMM_SELF) for _ in range(2))
-        self._J = PETSc.Mat().createPython([self._u.size] * 2, context=self, comm=MPI.COMM_SELF)
-        self._J.setUp()
+        self._b = np.empty_like(self._u)
+        self._switches = switches(mesh).ravel()
+        self._weights = np.empty((n, 2, 2))
+        self._x, F = (PETSc.Vec().createSeq(self._u.size, comm=MPI.COMM_SELF) for _ in range(2))
         self.snes = snes = PETSc.SNES().create(MPI.COMM_SELF)
-        snes.setFunction(self._residual, self._b)
-        snes.setJacobian(self._jacobian, self._J)
-        snes.setConvergenceTest(self._converged)
-        snes.ksp.pc.setType("python")
-        snes.ksp.pc.setPythonContext(self)
-        defaults = {"snes_type": "newtonls", "snes_linesearch_type": "basic", "snes_max_it": 30, "ksp_type": "preonly"}
-        set_options(snes, defaults, options)
+        snes.setType("python")
+        snes.setPythonContext(self)
+        snes.setFunction(lambda *_: None, F)
+        set_options(snes, {"snes_max_it": 30}, options)
 
-    def solve(self, scene: Scene, start: State, arrived: float) -> tuple[State, int]:
+    def solve_scene(self, scene: Scene, start: State, arrived: float) -> tuple[State, int]:
         """Iterates until a step is smaller than ``arrived``.
 
         Returns:
             The new state, and the number of iterations; negative where they did not converge.
         """
         self._scene_data(scene, start)
-        self._change, self._arrived = math.inf, arrived
+        self._arrived = arrived
         self._u[self.forms.dofs] = start.values
-        self._x.array_w[:] = self._u
         self.snes.solve(None, self._x)
-        self._u[:] = self._x.array_r
         iterations = self.snes.getIterationNumber()
         state = replace(start, values=self._u[self.forms.dofs])
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
+
+    def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
+        """The iteration; called by SNES."""
+        reasons = PETSc.SNES.ConvergedReason
+        reason = reasons.DIVERGED_MAX_IT
+        for iteration in range(snes.max_it):
+            self.forms.residual(self._b)
+            snes.monitor(iteration, float(np.linalg.norm(self._b)))
+            self.forms.jacobians(self._jacobians)
+            step, change = self._step()
+            self._u += step
+            snes.setIterationNumber(iteration + 1)
+            if not math.isfinite(change):
+                reason = reasons.DIVERGED_FNORM_NAN
+                break
+            if change <= self._arrived:
+                reason = reasons.CONVERGED_SNORM_RELATIVE
+                break
+        snes.setConvergedReason(reason)
+
+    def _step(self) -> tuple[Array, float]:
+        """Newton's step, shortened where a border would come too close to the next one.
+
+        Returns:
+            The step, and the largest change of a border or of the stretch in stick by the full one.
+        """
+        step, scalars = self.condensed.step(self._jacobians, self._b, self._weights)
+        sigma_dofs = self.forms.dofs[:, self.condensed.local.sigma]
+        ends, moved = self._u[sigma_dofs], step[sigma_dofs]
+        shrinking = float(np.max((moved[:, 0] - moved[:, 1]) / (ends[:, 1] - ends[:, 0])))
+        if shrinking > LARGEST_STEP:
+            step *= LARGEST_STEP / shrinking
+        return step, float(np.abs(scalars).max())
 
     def _scene_data(self, scene: Scene, state: State) -> None:
         belt, pulley = scene.belt, scene.pulleys[0]
         values = {
             "a": belt.bending_stiffness, "b1": belt.extensional_stiffness, "b2": belt.shear_stiffness,
-            "R": pulley.radius, "xc": pulley.center[0], "H": pulley.center[1],
+            "R": pulley.radius, "xc": pulley.center[0], "H": pulley.center[1], "mu": pulley.friction,
             "x_trans": pulley.x_trans if pulley.drive == "x_trans" and not isinstance(pulley.x_trans, str) else 0.0,
             "D_given": pulley.omega * pulley.radius if pulley.drive == "omega" else 1.0,
+            "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
         self.forms.constants.value[:] = [values[name] for name in CONSTANTS]
-        self.forms.switches.x.array[:] = switches(state.mesh, pulley.friction).ravel()
-        self._weights = np.stack([1.0 - state.cells, state.cells], axis=2)
-
-    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        self._u[:] = x.array_r
-        self.forms.residual(b.array_w)
-
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        self.forms.jacobians(self._jacobians)
-
-    def apply(self, pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Newton's step, shortened where a border would come too close to the next one."""
-        step, scalars = self.condensed.step(self._jacobians, b.array_r, self._weights)
-        sigma_dofs = self.forms.dofs[:, self.condensed.local.sigma]
-        length, growth = (np.subtract(*values[sigma_dofs].T) for values in (self._u, step))
-        shrinking = float(np.max(-growth / length))
-        shorter = 1.0 if shrinking <= LARGEST_STEP else LARGEST_STEP / shrinking
-        self._change = float(np.abs(scalars).max()) if shorter == 1.0 else math.inf
-        np.multiply(step, -shorter, out=y.array_w)
-
-    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
-        reasons = PETSc.SNES.ConvergedReason
-        if not math.isfinite(norms[2]):
-            return reasons.DIVERGED_FNORM_NAN
-        if iteration and self._change <= self._arrived:
-            return reasons.CONVERGED_SNORM_RELATIVE
-        return reasons.DIVERGED_MAX_IT if iteration >= snes.max_it else reasons.CONVERGED_ITERATING
+        self.forms.switches.x.array[:] = self._switches
+        self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
 
 @functools.lru_cache(maxsize=64)
@@ -109,19 +115,20 @@ def newton(mesh: Mesh, degree: int, friction: bool, options: tuple[tuple[str, An
     return Newton(mesh, degree, friction, dict(options))
 
 
-@functools.lru_cache(maxsize=64)
-def switches(mesh: Mesh, mu: float) -> Array:
+def switches(mesh: Mesh) -> Array:
     """Which equations hold where ``(n, 2, len(SWITCHES))``."""
     column = {name: index for index, name in enumerate(SWITCHES)}
     on = np.zeros((mesh.zone.size, 2, len(SWITCHES)))
-    parts = mesh.zones.parts
+    parts, borders = mesh.zones.parts, mesh.zones.borders
     on[:, :, column["touch"]] = mesh.touches[:, None]
     on[:, :, column["stick"]] = np.array([part.kind == "stick" for part in parts])[mesh.zone, None]
-    on[:, :, column["friction"]] = mu * np.array([part.sense for part in parts])[mesh.zone, None]
-    for index, (node, border) in enumerate(zip(mesh.ends, mesh.zones.borders, strict=True)):
+    on[:, :, column["sense"]] = np.array([part.sense for part in parts])[mesh.zone, None]
+    for node, border, before, after in zip(mesh.ends, borders, parts[:-1], parts[1:], strict=True):
         here = (node - 1, 1) if border.side == BEFORE else (node, 0)
         on[here][column[border.condition]] = 1.0
         if border.condition == "coulomb":
-            on[here][column["friction"]] = mu * parts[index + (border.side == BEFORE)].sense
+            # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
+            on[here][column["sense"]] = -after.sense if border.side == BEFORE else before.sense
     on[mesh.ends[mesh.zones.grip] - 1, 1, column["grip"]] = 1.0
+    on[:, :, column["force"]] = mesh.zones.by_force
     return on

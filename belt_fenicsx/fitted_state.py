@@ -12,12 +12,10 @@ import numpy as np
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Array, Contact, Fields, Zone
+from belt_fenicsx.solution import Array, Contact, Fields, Zone, simpson_weights
 from belt_fenicsx.taut_string import TautString
-from belt_fenicsx.zones import Mesh, Zones, bending_layer, divided, shear_layer
+from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
 
-BREACH = 1e-3  # of Coulomb's bound, relative, that a coarse state may show by its error
-FURTHEST = 0.8  # of the first stick zone, up to which a sliding zone may begin to take it
 POINTS = 17  # of the fields, in each cell
 
 
@@ -129,27 +127,32 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     return _clamped(scene, state)
 
 
-def from_state(scene: Scene, old: State, zones: Zones, ends: Array, degree: int, elements: int | None = None) -> State:
-    """Another state's fields on other zones, for a scene that may be another one.
+def from_fields(
+    scene: Scene, old: Fields, zones: Zones, ends: Array, degree: int, elements: int | None = None
+) -> State:
+    """The fields of another solution on other zones, for a scene that may be another one.
 
     Args:
         scene: The dimensionless scene.
-        old: The other state.
+        old: The dimensionless fields of the other solution.
         zones: The zones.
         ends: Ends of the zones ``(z + 1,)``.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    state = _blank(scene, zones, ends, old.D_stick - 1.0, degree, elements)
+    D_stick = float(old.D[0] - old.v_rel[0])
+    state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
     at, (nodes, gauss), sigma = local(degree), points(degree), state.sigma
-    n = len(sigma)
-    values = state.values
-    r, theta, _, _ = nodal_and_tractions(old, *_located(old, (sigma[:, :1] + np.diff(sigma) * nodes).ravel()))
-    _, _, p, f = nodal_and_tractions(old, *_located(old, (sigma[:, :1] + np.diff(sigma) * gauss).ravel()))
-    values[:, at.r], values[:, at.theta] = r.reshape(n, -1, 2), theta.reshape(n, -1)
-    touches = state.mesh.touches[:, None]
-    values[:, at.p], values[:, at.f] = touches * p.reshape(n, -1), touches * f.reshape(n, -1)
-    values[:, at.D] = old.D_stick
+    values, parts, zone = state.values, zones.parts, state.mesh.zone
+    at_nodes, at_gauss = (sigma[:, :1] + np.diff(sigma) * inside for inside in (nodes, gauss))
+    values[:, at.r] = np.stack([np.interp(at_nodes, old.sigma, x) for x in old.r.T], axis=2)
+    values[:, at.theta] = np.interp(at_nodes, old.sigma, old.theta)
+    p = np.interp(at_gauss, old.sigma, old.p)
+    sense = np.array([part.sense for part in parts])[zone, None]
+    sticks = np.array([part == STICK for part in parts])[zone, None]
+    values[:, at.p] = state.mesh.touches[:, None] * p
+    values[:, at.f] = np.where(sticks, np.interp(at_gauss, old.sigma, old.f), -sense * scene.pulleys[0].friction * p)
+    values[:, at.D] = D_stick
     return _clamped(scene, state)
 
 
@@ -174,7 +177,7 @@ def nodal_and_tractions(state: State, cell: Array, xi: Array) -> tuple[Array, Ar
     return r, theta, p, f
 
 
-def fields_at(scene: Scene, state: State, sigma: Array, *, before: bool = False) -> Fields:
+def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
     """Fields at any points, with the accuracy of the method.
 
     Args:
@@ -193,29 +196,46 @@ def fields_at(scene: Scene, state: State, sigma: Array, *, before: bool = False)
     D = np.hypot(*dr.T)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
-        D=D, kappa=kappa, p=p, f=f, v_rel=D - state.D_stick,
+        D=D, kappa=kappa, p=p, f=f, v_rel=D - _pulley_speed(scene, state),
     )  # fmt: skip
 
 
+def _pulley_speed(scene: Scene, state: State) -> float:
+    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks."""
+    pulley = scene.pulleys[0]
+    return pulley.omega * pulley.radius if pulley.drive == "omega" else state.D_stick
+
+
 @functools.cache
-def _tables(degree: int, count: int) -> tuple[Array, Array, Array]:
-    at = np.linspace(0.0, 1.0, count)
+def uniform(count: int) -> Array:
+    """``count`` points in the reference cell, its ends among them."""
+    return np.linspace(0.0, 1.0, count)
+
+
+@functools.cache
+def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
+    """At ``count`` points of the reference cell: polynomials through the nodes, their slopes, polynomials through the
+    Gauss points; and weights of Simpson's rule."""
+    at = uniform(count)
     nodes, gauss = points(degree)
-    return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0]
+    return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0], simpson_weights(at)
 
 
 def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
     """Fields at ``count`` points of each cell; the borders between zones appear once for each side."""
     at, mesh, ends = local(state.degree), state.mesh, state.sigma
-    nodal, slopes, gauss = _tables(state.degree, count)
+    nodal, slopes, gauss, _ = tables(state.degree, count)
     values = state.values
     length = ends[:, 1:] - ends[:, :1]
     dr, kappa = slopes @ values[:, at.r] / length[..., None], values[:, at.theta] @ slopes.T / length
     D = np.sqrt(dr[..., 0] ** 2 + dr[..., 1] ** 2)
-    once = _once(mesh, count)
+    once = mesh.once(count)
+    weight = length * tables(state.degree, count)[3]
+    weight[:-1, -1] += np.where(mesh.zone[1:] == mesh.zone[:-1], weight[1:, 0], 0.0)
     everywhere = {
         "zone": np.repeat(mesh.zone, count).reshape(-1, count),
-        "sigma": ends[:, :1] + length * np.linspace(0.0, 1.0, count),
+        "weight": weight,
+        "sigma": ends[:, :1] + length * uniform(count),
         "r": nodal @ values[:, at.r],
         "theta": values[:, at.theta] @ nodal.T,
         "phi": np.arctan2(dr[..., 1], dr[..., 0]),
@@ -223,17 +243,9 @@ def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
         "kappa": kappa,
         "p": values[:, at.p] @ gauss.T,
         "f": values[:, at.f] @ gauss.T,
-        "v_rel": D - state.D_stick,
+        "v_rel": D - _pulley_speed(scene, state),
     }
     return Fields.from_state(scene.belt, **{name: field[once] for name, field in everywhere.items()})
-
-
-@functools.lru_cache(maxsize=64)
-def _once(mesh: Mesh, count: int) -> Array:
-    """All points of all cells but those that two cells of a zone share, which count for the first one."""
-    once = np.ones((mesh.zone.size, count), dtype=bool)
-    once[1:, 0] = np.diff(mesh.zone) > 0
-    return once
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
@@ -249,38 +261,15 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
         )
     )
     kinds = [zone.kind for zone in zones]
-    last_stick = len(kinds) - 1 - kinds[::-1].index("stick") if "stick" in kinds else 0
+    stick = kinds.index("stick") if "stick" in kinds else 0
     up, off = (values[cell, at.r[end]] - pulley.center for cell, end in ((first[1], 0), (last[-2], 1)))
     contact = Contact(
-        omega=state.D_stick / pulley.radius,
+        omega=_pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],
-        x_trans=zones[last_stick].x[1],
+        x_trans=zones[stick].x[1],
         x_off=zones[-1].x[0],
         torque=-pulley.radius * state.friction_force,
         wrap_angle=math.atan2(up[1], up[0]) - math.atan2(off[1], off[0]),
         zones=zones[1:-1],
     )
     return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}
-
-
-def entry_sliding(scene: Scene, state: State) -> tuple[float, str] | None:
-    """Where the belt cannot stick yet: friction in the first stick zone breaks Coulomb's bound next to the run-up.
-
-    Returns:
-        The place where the bound is reached, and the sense in which the belt slides up to there; None where the
-        bound holds at the run-up.
-    """
-    mesh, mu = state.mesh, scene.pulleys[0].friction
-    if mesh.zones.parts[1].kind != "stick":
-        return None
-    at, first = local(state.degree), mesh.ends[0]
-    p_up, f_up = state.values[first, [at.p, at.f]] @ _tables(state.degree, POINTS)[2][0]
-    if abs(f_up) <= (1.0 + BREACH) * mu * p_up:
-        return None
-    ends = state.ends
-    sigma = np.linspace(ends[1], ends[2], 200)
-    _, _, p, f = nodal_and_tractions(state, *_located(state, sigma))
-    excess = np.abs(f) - mu * p
-    inside = np.flatnonzero(excess <= 0.0)
-    place = min(sigma[inside[0]] if inside.size else ends[2], ends[1] + FURTHEST * (ends[2] - ends[1]))
-    return float(place), "forward" if f_up < 0.0 else "backward"

@@ -1,14 +1,20 @@
-"""A solution as text to read and as JSON."""
+"""A solution as text to read, in one line and in many, as JSON, and as HTML for notebooks."""
 
 from __future__ import annotations
 
+import base64
+import html
+import io
 import json
 import math
 from collections.abc import Sequence
+from importlib.util import find_spec
 from typing import Any
 
 from belt_fenicsx.scene_file import scene_to_dict
-from belt_fenicsx.solution import Solution, Status
+from belt_fenicsx.solution import Contact, Solution, Status
+
+RESOLUTION = 80  # of a notebook's figure [dots per inch]
 
 
 def as_json(solution: Solution) -> str:
@@ -56,6 +62,56 @@ def as_text(solution: Solution) -> str:
         effort = ("skipped", "") if stage.iterations is None else (stage.iterations, f"{1e3 * stage.seconds:.1f}")
         lines.append(f"{stage.name:<28}{effort[0]:>10}{effort[1]:>12}  {stage.why}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def as_line(solution: Solution) -> str:
+    """The solution in one line: method, status, and omega and the ends of contact where there is one."""
+    length = solution.scene.belt.length
+    parts = [f"{solution.method}: {solution.status.name}"]
+    for contact in solution.contacts:
+        ends = f"{_place(contact.x_up, length)} ... {_place(contact.x_off, length)}"
+        parts += [f"omega = {contact.omega:.12g} rad/s", f"contact {ends} m", f"torque = {contact.torque:.6g} N m"]
+    return f"<Solution {', '.join([*parts, f'{solution.iterations} iterations'])}>"
+
+
+def as_html(solution: Solution) -> str:
+    """The solution as a table and, where Matplotlib is there, a small figure of the deformed belt, in one piece."""
+    mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
+    sentences = (solution.status.value, solution.message, *solution.violations)
+    text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
+    rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
+    rows += [("method", solution.method), ("iterations", str(solution.iterations))]
+    if not math.isnan(solution.error_estimate):
+        rows.append(("estimated relative error of omega", f"{solution.error_estimate:.1e}"))
+    table = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows)
+    return f"<div><p>{mark}{text}</p><table>{table}</table>{_html_figure(solution)}</div>"
+
+
+def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
+    return [
+        ("omega", f"{contact.omega:.12g} rad/s"),
+        ("run-up", f"{_place(contact.x_up, length)} m"),
+        ("transition", f"{_place(contact.x_trans, length)} m"),
+        ("run-off", f"{_place(contact.x_off, length)} m"),
+        ("torque", f"{contact.torque:.10g} N m"),
+        ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
+        ("zones", ", ".join(f"{zone.slip} slip" if zone.slip else zone.kind for zone in contact.zones)),
+    ]
+
+
+def _html_figure(solution: Solution) -> str:
+    if solution.fields is None or find_spec("matplotlib") is None:
+        return ""
+    from matplotlib.figure import Figure
+
+    from belt_fenicsx.plot import deformed_belt
+
+    figure = Figure(figsize=(6.0, 3.0), layout="constrained")
+    deformed_belt(solution, figure.subplots())
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=RESOLUTION)
+    data = base64.b64encode(image.getvalue()).decode("ascii")
+    return f'<img alt="The deformed belt on its pulley" src="data:image/png;base64,{data}">'
 
 
 def certificates(solutions: Sequence[Solution]) -> str:

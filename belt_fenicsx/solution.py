@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from belt_fenicsx.scene import Belt, Scene, Slip, StiffnessBelt, Units
+from belt_fenicsx.scene import Belt, Scene, SceneError, Slip, StiffnessBelt, Units
 
 Array = np.ndarray
+Evaluator = Callable[[Array, bool], "Fields"]
 
 
 class Status(enum.Enum):
@@ -25,6 +26,7 @@ class Status(enum.Enum):
     REFUSED = "The scene cannot be meant as it is."
     CONTACT_LOST = "The iteration lost the contact between the belt and the pulley."
     NO_CONTACT = "The straight belt does not touch the pulley: there is nothing to solve."
+    ACCURACY_NOT_REACHED = "The iteration converged, but not to the accuracy that was asked for."
     CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
 
 
@@ -288,6 +290,7 @@ class Solution:
         stages: The stages, those that were skipped too.
         measures: What the iteration stopped on, by name.
         state: What a warm start needs, private to the method.
+        evaluator: Fields at any points, private to the method; None where it knows them only where ``fields`` are.
     """
 
     scene: Scene
@@ -303,6 +306,7 @@ class Solution:
     stages: tuple[Stage, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
     state: Any = field(default=None, repr=False, compare=False)
+    evaluator: Evaluator | None = field(default=None, repr=False, compare=False)
 
     @property
     def omega(self) -> float:
@@ -343,7 +347,38 @@ class Solution:
             contacts=tuple(contact.in_units(units) for contact in self.contacts),
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),
+            evaluator=self.evaluator and _evaluator_in_units(self.evaluator, units),
         )
+
+    def evaluate(self, sigma: Any, side: Literal["left", "right"] = "right") -> Fields:
+        """Fields at any points of the belt, with the accuracy of the method.
+
+        Args:
+            sigma: Coordinates in [-Ls/2, Ls/2] ``(m,)``, or a single one [m].
+            side: The side from which fields that jump at a border between zones are taken.
+
+        Raises:
+            SceneError: A coordinate lies outside of the belt, or the method knows no fields between points.
+        """
+        if self.evaluator is None:
+            raise SceneError("solution", "know its fields at any point, as those by the fitted method do", self.method)
+        if side not in ("left", "right"):
+            raise SceneError("side", 'be "left" or "right"', side)
+        points, half = np.atleast_1d(np.asarray(sigma, dtype=float)), self.scene.belt.length / 2
+        outside = ~(np.abs(points) <= half)
+        if np.any(outside):
+            raise SceneError("sigma", f"lie in the belt, in [{-half:g}, {half:g}] [m]", float(points[outside][0]))
+        return self.evaluator(points, side == "left")
+
+    def __repr__(self) -> str:
+        from belt_fenicsx.report import as_line
+
+        return as_line(self)
+
+    def _repr_html_(self) -> str:
+        from belt_fenicsx.report import as_html
+
+        return as_html(self)
 
     def save(self, path: str | Path) -> None:
         """Writes the solution into a ``.npz`` file, from which `load` makes it again."""
@@ -387,6 +422,10 @@ class Solution:
 
 def _zone_summary(zone: Zone) -> dict[str, Any]:
     return {"kind": zone.kind, "slip": zone.slip, "sigma": list(zone.sigma), "x": list(zone.x)}
+
+
+def _evaluator_in_units(evaluator: Evaluator, units: Units) -> Evaluator:
+    return lambda sigma, before: evaluator(sigma / units.length, before).in_units(units)
 
 
 class SolveError(RuntimeError):

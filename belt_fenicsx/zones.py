@@ -7,6 +7,7 @@ for; `cells` divides the zones, with cells that grow away from the layers at the
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,12 +18,15 @@ import numpy as np
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip
 from belt_fenicsx.solution import Array
+from belt_fenicsx.taut_string import LEAST_STRAIN
 
-Condition = Literal["tangent", "x", "speed", "coulomb"]
+Condition = Literal["tangent", "x", "speed", "hold", "coulomb"]
 BEFORE, AFTER = 0, 1
 
-FIRST_FREE, FIRST_CONTACT = 0.5, 1.0  # length of a zone's first cell, in lengths of the layer at that end
-GROWTH = 2.0  # each further cell is longer by this factor
+# Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
+# free spans are straight outside of their layers, contact is curved all along.
+FIRST_FREE, GROWTH_FREE = 0.5, 4.0
+FIRST_CONTACT, GROWTH_CONTACT = 1.5, 1.5
 FEWEST = 2  # cells of a zone
 
 
@@ -55,8 +59,8 @@ class Border:
 
     Attributes:
         condition: ``"tangent"`` (the belt is tangent to the pulley: no concentrated force), ``"x"`` (the border
-            lies at the scene's transition), ``"speed"`` (the belt sticks at the scene's angular velocity) or
-            ``"coulomb"`` (friction in stick reaches its bound).
+            lies at the scene's transition), ``"speed"`` (the belt sticks at the scene's angular velocity),
+            ``"hold"`` (the belt's stretch is that in stick) or ``"coulomb"`` (friction in stick reaches its bound).
         side: The side from which the fields are taken, ``BEFORE`` or ``AFTER``.
     """
 
@@ -71,10 +75,13 @@ class Zones:
     Attributes:
         parts: The zones, in the direction of travel; the first and the last are free.
         borders: One border between each two zones.
+        by_force: Whether the stretch in stick is the one at which friction has the scene's resultant, instead of the
+            one at the border `grip`.
     """
 
     parts: tuple[Part, ...]
     borders: tuple[Border, ...]
+    by_force: bool = False
 
     @property
     def grip(self) -> int:
@@ -110,6 +117,12 @@ class Mesh:
         """Whether each cell lies on the pulley ``(n,)``."""
         return np.array([part.touches for part in self.zones.parts])[self.zone]
 
+    def once(self, count: int) -> Array:
+        """All of ``count`` points in each cell but those that two cells of a zone share, which count for the first."""
+        once = np.ones((self.zone.size, count), dtype=bool)
+        once[1:, 0] = np.diff(self.zone) > 0
+        return once
+
 
 FREE, STICK = Part("free"), Part("stick")
 RUN_UP_BORDER, RUN_OFF_BORDER = Border("tangent", BEFORE), Border("tangent", AFTER)
@@ -118,24 +131,38 @@ RUN_UP_BORDER, RUN_OFF_BORDER = Border("tangent", BEFORE), Border("tangent", AFT
 def posed(scene: Scene, slip: Slip | None = None) -> Zones:
     """The zones that a scene asks for, sliding in the given sense where the scene leaves it open."""
     pulley = scene.pulleys[0]
-    slip = Part("slip", pulley.slip or slip or "forward")
+    sliding = Part("slip", pulley.slip or slip or "forward")
     if pulley.friction == 0.0 or pulley.x_trans == RUN_UP:
-        return Zones((FREE, slip, FREE), (RUN_UP_BORDER, RUN_OFF_BORDER))
-    if pulley.x_trans == RUN_OFF:
-        return Zones((FREE, STICK, FREE), (RUN_UP_BORDER, RUN_OFF_BORDER))
-    transition = Border("x" if pulley.drive == "x_trans" else "speed", AFTER)
-    return Zones((FREE, STICK, slip, FREE), (RUN_UP_BORDER, transition, RUN_OFF_BORDER))
+        return ordered(scene, [sliding])
+    return ordered(scene, [STICK] if pulley.x_trans == RUN_OFF else [STICK, sliding])
 
 
-def entered_sliding(zones: Zones, slip: Slip) -> Zones:
-    """The zones with one more in front of stick, in which the belt slides."""
-    (free, *contact), (run_up, *borders) = zones.parts, zones.borders
-    return Zones((free, Part("slip", slip), *contact), (run_up, Border("coulomb", AFTER), *borders))
+def ordered(scene: Scene, contact: Sequence[Part]) -> Zones:
+    """Zones in contact, with free ones around them and the conditions at the borders between them.
+
+    The belt leaves the pulley's speed for good at the end of the first stick zone: it does so where the scene says, or
+    else where friction cannot hold it any longer. Before, sliding passes into stick where friction is continuous;
+    after, sliding turns where the belt has the pulley's speed.
+    """
+    drive = scene.pulleys[0].drive
+    placed: dict[str, Condition] = {"x_trans": "x", "omega": "speed", "torque": "hold"}
+    borders, by_force = [RUN_UP_BORDER], False
+    for before, after in itertools.pairwise(contact):
+        if after == STICK:
+            borders.append(Border("coulomb", AFTER))
+        elif before != STICK:
+            borders.append(Border("hold", BEFORE))
+        elif scene.pulleys[0].x_trans == RUN_OFF:
+            borders.append(Border("coulomb", BEFORE))
+        else:
+            borders.append(Border(placed[drive], AFTER))
+            by_force = drive == "torque"
+    return Zones((FREE, *contact, FREE), (*borders, RUN_OFF_BORDER), by_force)
 
 
 def bending_layer(scene: Scene, strain: float) -> float:
     """Length sqrt(a / tension) over which bending dies out in a free span [m]."""
-    return math.sqrt(scene.belt.bending_stiffness / (scene.belt.extensional_stiffness * strain))
+    return math.sqrt(scene.belt.bending_stiffness / (scene.belt.extensional_stiffness * max(strain, LEAST_STRAIN)))
 
 
 def shear_layer(scene: Scene, strain: float) -> float:
@@ -161,25 +188,29 @@ def divided(
     Returns:
         The mesh, and both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
     """
-    firsts = [
-        FIRST_CONTACT * shear / (end - start) if part.touches else FIRST_FREE * bending / (end - start)
-        for part, start, end in zip(zones.parts, ends[:-1], ends[1:], strict=True)
+    counts, nodes = [], []
+    gradings = [
+        (FIRST_CONTACT * shear / (end - start), GROWTH_CONTACT)
+        if part.touches
+        else (FIRST_FREE * bending / (end - start), GROWTH_FREE)
+        for part, (start, end) in zip(zones.parts, itertools.pairwise(ends), strict=True)
     ]
-    wanted = np.array([2.0 * _cells_to(0.5, first) for first in firsts])
-    counts = np.maximum(FEWEST, np.round(wanted if elements is None else wanted * elements / wanted.sum()).astype(int))
-    nodes = [graded(first, count) for first, count in zip(firsts, counts, strict=True)]
-    cells = np.concatenate([np.column_stack([part[:-1], part[1:]]) for part in nodes])
-    return Mesh(zones, tuple(counts.tolist())), cells
+    wanted = [2.0 * _cells_to(0.5, *grading) for grading in gradings]
+    share = 1.0 if elements is None else elements / sum(wanted)
+    for grading, count in zip(gradings, wanted, strict=True):
+        counts.append(max(FEWEST, round(count * share)))
+        nodes += itertools.pairwise(graded(*grading, counts[-1]))
+    return Mesh(zones, tuple(counts)), np.array(nodes)
 
 
-def graded(first: float, count: int) -> Array:
+def graded(first: float, growth: float, count: int) -> list[float]:
     """Ends in [0, 1] of cells that grow from both sides, from about the length ``first`` ``(count + 1,)``."""
-    half = _cells_to(0.5, first)
-    steps = half * np.linspace(-1.0, 1.0, count + 1)
-    inner = first * np.expm1(math.log(GROWTH) * (half - np.abs(steps))) / (GROWTH - 1.0)
-    return np.where(steps <= 0.0, inner, 1.0 - inner)
+    half = _cells_to(0.5, first, growth)
+    steps = [2.0 * half * i / count for i in range(count // 2 + 1)]
+    inner = [first * math.expm1(math.log(growth) * step) / (growth - 1.0) for step in steps]
+    return inner + [1.0 - node for node in reversed(inner[: (count + 1) // 2])]
 
 
-def _cells_to(distance: float, first: float) -> float:
+def _cells_to(distance: float, first: float, growth: float) -> float:
     """Number of growing cells up to a distance, of which the first has the length ``first``."""
-    return math.log1p((GROWTH - 1.0) * distance / first) / math.log(GROWTH)
+    return math.log1p((growth - 1.0) * distance / first) / math.log(growth)

@@ -71,6 +71,33 @@ def scenes(count: int, seed: int) -> Iterator[Scene]:
 
 
 # %% [markdown]
+# ## Extremes, one at a time
+
+
+# %%
+def extremes() -> dict[str, Scene]:
+    """The source's scene with one thing taken far."""
+
+    def belt(**changed: float) -> Scene:
+        return Scene(belt=Belt(**changed))
+
+    def pulley(**changed: object) -> Scene:
+        return Scene(pulleys=(Pulley(**changed),))
+
+    return {
+        **{f"thickness {h:g} m": belt(thickness=h) for h in (0.001, 0.002, 0.005, 0.1)},
+        **{f"friction {mu:g}": pulley(friction=mu) for mu in (1e-4, 1e-3, 1.0, 3.0)},
+        **{f"length {length:g} m": belt(length=length) for length in (1.02, 0.95)},
+        **{f"pulley top {top:g} m": pulley(center=(0.0, top - 0.7)) for top in (0.001, 0.01, 0.19)},
+        "nearly a half turn": Scene(
+            belt=Belt(length=1.55, thickness=0.02), pulleys=(Pulley(radius=0.35, center=(0.0, 0.25)),)
+        ),
+        "Poisson ratio 0": belt(poisson_ratio=0.0),
+        "pure stick, friction 0.03": pulley(friction=0.03, x_trans="run-off"),
+    }
+
+
+# %% [markdown]
 # ## Outcomes
 
 
@@ -163,6 +190,9 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument("--readme", action="store_true", help="write the table into the README")
     arguments = parser.parse_args()
+    for name, scene in extremes().items():
+        result = outcome(0, scene)
+        print(f"{name}: {result.cause}, difference {result.difference:.1e}")
     finished = [outcome(number, scene) for number, scene in enumerate(scenes(arguments.count, arguments.seed))]
     text = report(finished)
     print(text)

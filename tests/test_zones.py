@@ -9,13 +9,12 @@ from belt_fenicsx.scene import Pulley, Scene
 from belt_fenicsx.zones import (
     AFTER,
     BEFORE,
-    GROWTH,
     Border,
     Part,
     bending_layer,
     divided,
-    entered_sliding,
     graded,
+    ordered,
     posed,
     shear_layer,
 )
@@ -44,11 +43,27 @@ def test_conditions_at_the_borders():
     zones = posed(Scene())
     assert zones.borders == (Border("tangent", BEFORE), Border("x", AFTER), Border("tangent", AFTER))
     assert zones.grip == 0
-    entered = entered_sliding(zones, "backward")
+    entered = ordered(Scene(), [Part("slip", "backward"), *zones.parts[1:-1]])
     assert entered.parts[1] == Part("slip", "backward")
     assert entered.borders[1] == Border("coulomb", AFTER)
     assert entered.grip == 1
     assert len(entered.borders) == len(entered.parts) - 1
+
+
+def test_conditions_of_each_drive_and_order():
+    stick, forward, backward = Part("stick"), Part("slip", "forward"), Part("slip", "backward")
+
+    def conditions(contact, **pulley):
+        zones = ordered(Scene(pulleys=(Pulley(**pulley),)), contact)
+        return [(border.condition, border.side) for border in zones.borders[1:-1]], zones.by_force
+
+    assert conditions([stick, forward], omega=1.48) == ([("speed", AFTER)], False)
+    assert conditions([stick, forward], torque=600.0) == ([("hold", AFTER)], True)
+    assert conditions([stick, forward], x_trans="run-off") == ([("coulomb", BEFORE)], False)
+    assert conditions([forward, stick, backward, forward], x_trans=0.0) == (
+        [("coulomb", AFTER), ("x", AFTER), ("hold", BEFORE)],
+        False,
+    )
 
 
 def test_layers_of_the_sources_scene():
@@ -60,7 +75,7 @@ def test_layers_of_the_sources_scene():
 @pytest.mark.parametrize("first", [1e-4, 1e-2, 0.2, 5.0])
 @pytest.mark.parametrize("count", [2, 3, 8, 15])
 def test_cells_grow_from_both_ends(first, count):
-    nodes = graded(first, count)
+    nodes = np.array(graded(first, 2.0, count))
     sizes = np.diff(nodes)
     assert nodes.shape == (count + 1,)
     assert (nodes[0], nodes[-1]) == (0.0, 1.0)
@@ -72,8 +87,8 @@ def test_cells_grow_from_both_ends(first, count):
 
 def test_first_cell_has_the_asked_length_where_the_count_follows_from_it():
     # Cells of lengths 1, 2, 4, 8 from each side.
-    nodes = graded(1.0 / 30.0, 8)
-    np.testing.assert_allclose(np.diff(nodes)[:4] * 30.0, GROWTH ** np.arange(4), rtol=1e-12)
+    nodes = graded(1.0 / 30.0, 2.0, 8)
+    np.testing.assert_allclose(np.diff(nodes)[:4] * 30.0, 2.0 ** np.arange(4), rtol=1e-12)
 
 
 def test_thinner_layers_get_more_cells_and_elements_can_be_asked_for():

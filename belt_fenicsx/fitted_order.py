@@ -1,0 +1,142 @@
+"""Which zones a state calls for: where Coulomb's bound breaks the belt slides, and sliding turns with its sense.
+
+In the order of travel: next to the run-up, where friction would have to be largest to hold the belt's stretch, it
+slides before it sticks; next to the run-off, it slides again, or turns from sliding one way to the other. Pure NumPy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from belt_fenicsx.condensed import local
+from belt_fenicsx.fitted_state import POINTS, State, tables, uniform
+from belt_fenicsx.scene import RUN_OFF, Scene, Slip
+from belt_fenicsx.solution import Array
+from belt_fenicsx.zones import STICK, Part, Zones, ordered
+
+BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
+FURTHEST = 0.8  # of a zone, that another one may take from it
+SHORTEST = 1e-3  # belt lengths, of a zone that is worth to be found
+OTHER: dict[Slip | None, Slip] = {"forward": "backward", "backward": "forward"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """Zones that a state calls for instead of its own.
+
+    Attributes:
+        why: The state and what is wrong with it.
+        zones: The zones.
+        ends: Their ends, about ``(len(zones.parts) + 1,)``.
+    """
+
+    why: str
+    zones: Zones
+    ends: Array
+
+
+def change(scene: Scene, state: State, error: float) -> Change | None:
+    """What the first broken bound calls for; None where all hold, or where no other zones could mend it.
+
+    Args:
+        scene: The dimensionless scene.
+        state: The state.
+        error: How well the state knows its pressure, relative to the largest.
+    """
+    pulley, parts = scene.pulleys[0], state.mesh.zones.parts
+    if pulley.friction == 0.0:
+        return None
+    breach = max(BREACH, error)
+    for index, part in enumerate(parts[1:-1], start=1):
+        found = (_held if part == STICK else _slid)(scene, state, index, breach)
+        if found is not None:
+            return found
+    return None
+
+
+def _held(scene: Scene, state: State, index: int, breach: float) -> Change | None:
+    """Sliding next to the free ends of a stick zone."""
+    parts = state.mesh.zones.parts
+    sigma, p, f, _ = along(state, index)
+    bound = scene.pulleys[0].friction * p
+    excess = np.abs(f) - bound
+    broken = excess > breach * np.max(bound)
+    holds = sigma[excess <= 0.0]
+    start, end = state.ends[index : index + 2]
+    if broken[0] and parts[index - 1].kind == "free":
+        place = min(holds[0] if holds.size else end, start + FURTHEST * (end - start))
+        contact = [Part("slip", "forward" if f[0] < 0.0 else "backward"), *parts[1:-1]]
+        why = "zones that break Coulomb's bound at the run-up"
+    elif broken[-1] and parts[index + 1].kind == "free" and scene.pulleys[0].x_trans == RUN_OFF:
+        place = max(holds[-1] if holds.size else start, end - FURTHEST * (end - start))
+        contact = [*parts[1:-1], Part("slip", "forward" if f[-1] > 0.0 else "backward")]
+        why = "zones that break Coulomb's bound at the run-off"
+    else:
+        return None
+    return Change(why, ordered(scene, contact), np.sort(np.append(state.ends, place)))
+
+
+def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | None:
+    """The other sense of sliding, from where the belt has the pulley's speed again."""
+    parts = state.mesh.zones.parts
+    if STICK not in parts[:index] or parts[index + 1].kind != "free":
+        return None
+    sigma, _, _, D = along(state, index)
+    ahead = parts[index].sense * (D - state.D_stick)
+    if ahead[-1] >= -breach * np.max(np.abs(ahead)):
+        return None
+    turned = replace(parts[index], slip=OTHER[parts[index].slip])
+    right = np.flatnonzero(ahead > 0.0)
+    if sigma[-1] - (sigma[right[-1]] if right.size else sigma[0]) < SHORTEST:
+        return None
+    if right.size and right[-1] > POINTS // 2:
+        contact = [*parts[1 : index + 1], turned, *parts[index + 1 : -1]]
+        ends = np.sort(np.append(state.ends, sigma[right[-1]]))
+        return Change("zones in which sliding turns", ordered(scene, contact), ends)
+    if scene.pulleys[0].drive == "x_trans":
+        return None
+    return Change(
+        "zones that slide in the other sense",
+        ordered(scene, [*parts[1:index], turned, *parts[index + 1 : -1]]),
+        state.ends,
+    )
+
+
+def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
+    """sigma, p, f and D densely along a zone."""
+    at, cells = local(state.degree), state.mesh.zone == index
+    _, slopes, gauss, _ = tables(state.degree, POINTS)
+    values, ends = state.values[cells], state.sigma[cells]
+    length = ends[:, 1:] - ends[:, :1]
+    dr = slopes @ values[:, at.r] / length[..., None]
+    D = np.sqrt(dr[..., 0] ** 2 + dr[..., 1] ** 2)
+    sigma = ends[:, :1] + length * uniform(POINTS)
+    return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
+
+
+def transition(scene: Scene, stick: State, sense: float, ahead: float) -> float | None:
+    """About where stick ends by a given speed or moment, from pure stick.
+
+    What friction in sliding exceeds that in stick by, stretches the belt behind it as it would stretch a string, and
+    the belt's length makes the stretch elsewhere less.
+
+    Args:
+        scene: The dimensionless scene.
+        stick: The belt in pure stick.
+        sense: +1 for forward, -1 for backward sliding.
+        ahead: By how much the given stretch, or resultant of friction, exceeds that in pure stick.
+
+    Returns:
+        The place; None where sliding all along is not enough.
+    """
+    zone = range(1, len(stick.mesh.zones.parts) - 1)
+    sigma, p, f, _ = (np.concatenate(columns) for columns in zip(*(along(stick, i) for i in zone), strict=True))
+    more = f + sense * scene.pulleys[0].friction * p
+    steps = np.diff(sigma) * (more[1:] + more[:-1]) / 2
+    if scene.pulleys[0].drive == "omega":
+        # The belt behind is longer by its stretch, which the whole belt makes good.
+        steps *= 0.5 - (sigma[1:] + sigma[:-1]) / (2 * scene.belt.length)
+    reach = np.maximum.accumulate(np.append(0.0, -np.sign(ahead) * np.cumsum(steps[::-1])))
+    return float(np.interp(abs(ahead), reach, sigma[::-1])) if abs(ahead) < reach[-1] else None

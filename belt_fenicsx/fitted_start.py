@@ -1,0 +1,266 @@
+"""How a solve of the fitted method begins: with the zones that a scene asks for, at the lowest degree.
+
+1. From a solution that is given.
+2. From the taut string; for a given speed or moment, by way of the belt in pure stick. It has one border less to be
+   found, shows where the contact is, and in which sense and about how far the belt slides.
+3. Where Newton's iteration fails, from a belt that bends more easily; at last, a coarse run of the augmented
+   Lagrangian finds the zones to start from.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from belt_fenicsx.certificate import SENSE, check_transition
+from belt_fenicsx.condensed import local
+from belt_fenicsx.fitted_newton import newton
+from belt_fenicsx.fitted_order import SHORTEST, transition
+from belt_fenicsx.fitted_state import State, fields, from_fields, from_string
+from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
+from belt_fenicsx.solution import Array, Fields, Solution, Stage, Status
+from belt_fenicsx.taut_string import taut_string
+from belt_fenicsx.zones import STICK, Part, Zones, ordered, posed
+
+LOWEST = 4  # degree
+ARRIVED = 1e-3  # largest step of the borders, in belt lengths, and of the stretch, after which the degree may rise
+MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
+NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
+SOFTER = 1 / 20  # in bending, of a belt that is more like a string
+COARSE = 80  # elements of the augmented Lagrangian
+
+
+class Stopped(RuntimeError):
+    """The solve ends without an answer.
+
+    Attributes:
+        status: How it ended.
+        message: What was seen.
+    """
+
+    def __init__(self, status: Status, message: str) -> None:
+        self.status, self.message = status, message
+        super().__init__(status, message)
+
+
+@dataclass
+class Run:
+    """A solve that is under way.
+
+    Attributes:
+        asked: The scene, in its own units.
+        scene: The dimensionless scene.
+        units: The units of the latter.
+        elements: Number of cells; None for as many as the layers call for.
+        options: PETSc options.
+        stages: What was done so far.
+        since: When the last stage ended.
+    """
+
+    asked: Scene
+    scene: Scene
+    units: Units
+    elements: int | None = None
+    options: tuple[tuple[str, Any], ...] = ()
+    stages: list[Stage] = field(default_factory=list)
+    since: float = field(default_factory=time.perf_counter)
+
+    def ran(self, name: str, why: str, iterations: int = 0) -> None:
+        """Adds a stage that has just ended."""
+        now = time.perf_counter()
+        self.stages.append(Stage(name=name, why=why, iterations=iterations, seconds=now - self.since))
+        self.since = now
+
+    def skipped(self, name: str, why: str) -> None:
+        """Adds a stage that the scene did not need."""
+        self.stages.append(Stage(name=name, why=why))
+
+    def newton(self, state: State, why: str, *, arrived: float = ARRIVED) -> State:
+        """Newton's iteration from a state, with elements of its degree."""
+        friction = self.scene.pulleys[0].friction > 0.0
+        iteration = newton(state.mesh, state.degree, friction, self.options)
+        result, iterations = iteration.solve_scene(self.scene, state, arrived)
+        self.ran(f"degree {state.degree}", why, abs(iterations))
+        if iterations <= 0:
+            message = f"At degree {state.degree}, after {-iterations} iterations from {why}."
+            raise Stopped(Status.NEWTON_DIVERGED, message)
+        return result
+
+    def on(self, zones: Zones, ends: Array, old: Fields, why: str, *, degree: int = LOWEST) -> State:
+        """Newton's iteration on zones, from the fields of another solution."""
+        return self.newton(from_fields(self.scene, old, zones, ends, degree, self.elements), why)
+
+    def driven_by(self, x_trans: str) -> Run:
+        """The same run for a belt that sticks, or slides, all along."""
+        pulley = replace(self.scene.pulleys[0], omega=None, torque=None, x_trans=x_trans)
+        return replace(self, scene=replace(self.scene, pulleys=(pulley,)))
+
+
+def starts(run: Run, initial: Solution | None) -> list[Callable[[Run], State]]:
+    """Ways to a state of the lowest degree, of which each is for scenes in which those before it fail."""
+    pulley = run.scene.pulleys[0]
+    ways = [] if initial is None else [functools.partial(_warm, initial=initial)]
+    if pulley.drive != "x_trans" and pulley.friction > 0.0:
+        return [*ways, _driven, _sticking, _sliding]
+    if len(posed(run.scene).parts) == 3:
+        return [*ways, _from_string, _from_softer]
+    return [*ways, _from_string, _from_softer, _from_pure_stick, _found]
+
+
+def _from_string(run: Run) -> State:
+    pulley = run.scene.pulleys[0]
+    if pulley.friction == 0.0 and pulley.torque:
+        raise Stopped(Status.CAPACITY_EXCEEDED, "Without friction, the belt transmits 0 N m.")
+    string = taut_string(run.scene)
+    if string is None:
+        raise Stopped(Status.CONTACT_LOST, "The straight belt is clear of the pulley.")
+    start = from_string(run.scene, string, posed(run.scene), LOWEST, run.elements)
+    run.ran("taut string", "first guess")
+    return run.newton(start, "the taut string")
+
+
+def _from_softer(run: Run) -> State:
+    """By way of a belt that bends more easily and so is more like a string."""
+    belt = run.scene.belt
+    softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
+    way = replace(run, scene=replace(run.scene, belt=softer))
+    state = _from_string(way)
+    return run.on(posed(run.scene), state.ends, fields(way.scene, state), "a belt that bends more easily")
+
+
+def _warm(run: Run, initial: Solution) -> State:
+    """From a given solution, whatever its method."""
+    contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
+    if initial.fields is None or not _fits(run.scene, contact):
+        run.skipped("warm start", "the given solution has other zones")
+        raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
+    units = initial.scene.dimensionless()[1].inverse()
+    sigma = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
+    state = run.on(ordered(run.scene, contact), sigma, initial.fields.in_units(units), "the given solution")
+    run.skipped("taut string", "a solution was given to start from")
+    return state
+
+
+def _fits(scene: Scene, contact: list[Part]) -> bool:
+    """Whether zones that were found can be those of a scene: from stick on, they are those that it asks for."""
+    pulley = scene.pulleys[0]
+    if not contact:
+        return False
+    if pulley.friction == 0.0 or pulley.x_trans == RUN_UP:
+        return contact == list(posed(scene).parts[1:-1])
+    after = contact[contact.index(STICK) :] if STICK in contact else []
+    if pulley.drive == "x_trans":
+        wanted = list(posed(scene).parts[1:-1])
+        return after[: len(wanted)] == wanted
+    return len(after) > 1
+
+
+def _from_pure_stick(run: Run) -> State:
+    stick = in_pure_stick(run)
+    place = float(np.interp(run.scene.pulleys[0].x_trans, *stick.nodes.T[::-1]))
+    return run.on(posed(run.scene), np.insert(stick.ends, 2, place), fields(run.scene, stick), "pure stick")
+
+
+def in_pure_stick(run: Run) -> State:
+    """The belt that sticks all along the contact.
+
+    Raises:
+        SceneError: The scene's transition lies outside of this contact.
+    """
+    pure = run.driven_by(RUN_OFF)
+    try:
+        stick = _from_string(pure)
+    except Stopped as stopped:
+        if stopped.status is not Status.NEWTON_DIVERGED:
+            raise
+        stick = _from_softer(pure)
+    _, up, off, _ = stick.ends
+    if off - up < SHORTEST or stick.values[:, local(LOWEST).p].min() < 0.0:
+        raise Stopped(Status.NEWTON_DIVERGED, "Pure stick was not found from the taut string.")
+    check_transition(run.asked, *(np.interp(stick.ends[1:3], *stick.nodes.T) * run.units.length))
+    return stick
+
+
+def _driven(run: Run) -> State:
+    """The belt at a given speed or moment.
+
+    Raises:
+        Stopped: Friction cannot transmit the moment.
+    """
+    stick = in_pure_stick(run)
+    ahead = _ahead(run.scene, stick)
+    slip: Slip = "forward" if ahead < 0.0 else "backward"
+    zones, old = posed(run.scene, slip), fields(run.scene, stick)
+    place = transition(run.scene, stick, SENSE[slip], ahead)
+    if place is not None:
+        try:
+            return run.on(zones, np.insert(stick.ends, 2, place), old, "pure stick")
+        except Stopped:
+            run.skipped("pure stick", "it led nowhere")
+    slid = run.on(ordered(run.scene, [Part("slip", slip)]), stick.ends, old, "pure stick, now sliding all along")
+    if meets(run, slid):
+        return slid
+    _, up, off, _ = slid.ends
+    ends = np.insert(slid.ends, 2, NEARLY * up + (1.0 - NEARLY) * off)
+    return run.on(zones, ends, fields(run.scene, slid), "sliding all along")
+
+
+def _sticking(run: Run) -> State:
+    """The belt that sticks all along, for a speed or a moment next to it."""
+    return in_pure_stick(run)
+
+
+def _sliding(run: Run) -> State:
+    """The belt that slides all along, for a speed or a moment next to it."""
+    stick = in_pure_stick(run)
+    zones = ordered(run.scene, [Part("slip", "forward" if _ahead(run.scene, stick) < 0.0 else "backward")])
+    return run.on(zones, stick.ends, fields(run.scene, stick), "pure stick, now sliding all along")
+
+
+def meets(run: Run, state: State) -> bool:
+    """Whether a state meets the given speed or moment, even if it sticks, or slides, all along.
+
+    Raises:
+        Stopped: Friction cannot transmit the moment.
+    """
+    (part, *others), pulley = state.mesh.zones.parts[1:-1], run.scene.pulleys[0]
+    if others or pulley.drive == "x_trans" or pulley.friction == 0.0:
+        return True
+    ahead = _ahead(run.scene, state)
+    if part == STICK or part.sense * ahead > 0.0:
+        return abs(ahead) <= MET
+    if pulley.drive == "omega":
+        return True
+    capacity = -pulley.radius * state.friction_force * run.units.of(length=1, force=1)
+    raise Stopped(Status.CAPACITY_EXCEEDED, f"Sliding all along, the belt transmits {capacity:.6g} N m.")
+
+
+def _ahead(scene: Scene, state: State) -> float:
+    """By how much the given stretch, or resultant of friction, exceeds that of a state."""
+    pulley = scene.pulleys[0]
+    if pulley.drive == "omega":
+        return pulley.radius * pulley.omega - state.D_stick
+    return -pulley.torque / pulley.radius - state.friction_force
+
+
+def _found(run: Run) -> State:
+    """A state with the zones that a coarse run of the augmented Lagrangian finds.
+
+    Raises:
+        Stopped: It does not find them, or Newton's iteration does not converge from them.
+    """
+    from belt_fenicsx import augmented_lagrangian
+
+    coarse = augmented_lagrangian.solve(run.scene, elements=COARSE, rtol=1e-6, throw=False)
+    why = "Newton's iteration failed from the taut string; this finds the zones"
+    run.ran("augmented Lagrangian", why, coarse.iterations)
+    contact = [Part(zone.kind, zone.slip) for zone in coarse.zones[1:-1]]
+    if coarse.fields is None or not _fits(run.scene, contact):
+        raise Stopped(Status.NEWTON_DIVERGED, "Neither did a coarse run of the augmented Lagrangian find the zones.")
+    ends = np.array([zone.sigma[0] for zone in coarse.zones] + [coarse.zones[-1].sigma[1]])
+    return run.on(ordered(run.scene, contact), ends, coarse.fields, "the augmented Lagrangian")
