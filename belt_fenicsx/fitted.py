@@ -42,6 +42,7 @@ LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it
 LEFT = 1 / 4
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
+TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
 MOST_CHANGES = 6  # of the order of zones
 
 
@@ -82,15 +83,14 @@ def solve(
     dimensionless, units = scene.dimensionless()
     run = Run(scene, dimensionless, units, elements, tuple(sorted((options or {}).items())))
     solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
-    tolerance = 0.0
     try:
-        state, estimate, tolerance = found(run, initial, rtol, degree)
+        state, estimate, change_of_p = found(run, initial, rtol, degree)
         status = Status.SOLVED if degree is not None or estimate <= rtol else Status.ACCURACY_NOT_REACHED
         solution = replace(
             solution,
             status=status,
             error_estimate=estimate,
-            measures={"change of p": tolerance},
+            measures={"change of p": change_of_p},
             state=state,
             evaluator=functools.partial(fields_at, dimensionless, state),
             **answer(dimensionless, state),
@@ -102,7 +102,7 @@ def solve(
     solution = replace(solution, stages=tuple(run.stages), iterations=iterations)
     if solution.fields is not None:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
-        solution = certified(solution, tolerance=min(max(tolerance, 1e-9), COARSEST))
+        solution = certified(solution, tolerance=TOLERANCE)
     if not solution.success:
         with contextlib.suppress(Stopped):
             in_pure_stick(run)
