@@ -24,7 +24,7 @@ DESCRIPTION = """\
 Steady motion of a belt in frictional contact with a rotating pulley.
 
   belt-fenicsx [solve] [SCENE.toml]              one scene
-  belt-fenicsx sweep [SCENE.toml] --over P=V     a table of answers, as comma-separated values
+  belt-fenicsx sweep [SCENE.toml] --over P=V     a table of answers, as comma-separated values; mpirun shares it out
   belt-fenicsx check [SCENE.toml]                the certificate of the answer, beside that of the method bvp"""
 EPILOG = """\
 PETSc options have one dash and pass through, as in -belt_snes_monitor or -log_view.
@@ -74,7 +74,9 @@ def parsed(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     if getattr(args, "plot", None) is not None:
         args.plot = _plot(Path(args.plot))
     if getattr(args, "out", None) is not None:
-        args.out = _out(Path(args.out))
+        args.out = (_table if command == SWEEP else _out)(Path(args.out))
+    if getattr(args, "progress", False) and find_spec("tqdm") is None:
+        raise Missing("--progress needs tqdm, which this Python lacks.")
     return args, petsc
 
 
@@ -106,6 +108,12 @@ def _parser(command: str) -> _Parser:
             metavar="PATH=VALUES",
             required=True,
             help="the value to change: FIRST:LAST:COUNT, or values with commas, as in pulleys.0.x_trans=-0.2:0.2:41",
+        )
+        parser.add_argument(
+            "--out", metavar="FILE.csv", help="write the table into a file; a sweep that was stopped goes on from there"
+        )
+        parser.add_argument(
+            "--progress", action="store_true", help="show progress even where stderr is no terminal, as under mpirun"
         )
     return parser
 
@@ -197,11 +205,20 @@ def _elements(text: str) -> int:
     return int(text)
 
 
-def _plot(path: Path) -> Path:
-    if path.suffix.lower() not in PLOT_SUFFIXES:
-        raise SceneError("--plot", f"name a file ending in {', '.join(PLOT_SUFFIXES)}", str(path))
+def _file(path: Path, option: str, suffixes: Sequence[str]) -> Path:
+    if path.suffix.lower() not in suffixes:
+        raise SceneError(option, f"name a file ending in {', '.join(suffixes)}", str(path))
     if path.is_dir() or not os.access(path.parent, os.W_OK):
-        raise SceneError("--plot", "name a file in a folder that exists and can be written to", str(path))
+        raise SceneError(option, "name a file in a folder that exists and can be written to", str(path))
+    return path
+
+
+def _table(path: Path) -> Path:
+    return _file(path, "--out", (".csv",))
+
+
+def _plot(path: Path) -> Path:
+    _file(path, "--plot", PLOT_SUFFIXES)
     if find_spec("matplotlib") is None:
         raise Missing("--plot needs Matplotlib, which this Python lacks.")
     return path

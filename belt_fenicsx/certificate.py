@@ -95,8 +95,8 @@ def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
     """Names and margins of the equilibrium of the whole belt between its clamps, integrated from (18.17).
 
     What the pulley exerts, summed up along the contact, has to be what the belt's forces and moments in the two free
-    spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to the
-    whole pressure.
+    spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to
+    the whole pressure.
     """
     radius, center = scene.pulleys[0].radius, np.asarray(scene.pulleys[0].center)
     (e1, e2), (t, n) = _axes(fields.theta), _axes(fields.phi)

@@ -7,12 +7,13 @@ imported: the BVP runs without FEniCS, PETSc and MPI, a wrong argument without a
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import logging
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,11 +23,14 @@ from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import load_scene, with_values
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from belt_fenicsx.solution import Solution
 
     Solver = Callable[..., Solution]
     Report = Callable[[], int]
 
+RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 SOLVED, FAILED, BAD_INPUT, NOT_CONVERGED, NOT_ADMISSIBLE, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 
@@ -106,10 +110,20 @@ def _solved(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
 def _swept(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
     from belt_fenicsx.sweeps import sweep
 
-    result = sweep(scene, over=args.over, values=args.values, solver=solver)
+    asked = {"over": args.over, "values": args.values, "solver": solver, "out": args.out}
+    try:
+        with _progress(args.progress) as progress:
+            result = sweep(scene, **asked, comm=_ranks(), keep_fields=False, progress=progress)
+    except OSError as error:
+        # Raised on all ranks, which need not be aborted.
+        raise Missing(f"the result could not be written: {error.strerror or error}.") from None
 
     def report() -> int:
-        _print(result.csv().rstrip("\n"))
+        if args.out is None:
+            _print(result.csv().rstrip("\n"))
+        else:
+            solved = sum(solution.success for solution in result.solutions)
+            _print(f"{args.out}: {len(result.solutions)} scenes, {solved} solved")
         return max(map(_exit_code, result.solutions))
 
     return report
@@ -143,9 +157,23 @@ def _rank() -> int:
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
-    return int(
-        next((os.environ[name] for name in ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK") if name in os.environ), 0)
-    )
+    return int(_launched_as() or 0)
+
+
+def _launched_as() -> str | None:
+    """The rank that a launcher gave to this process; None without a launcher."""
+    return next((os.environ[name] for name in RANK_VARIABLES if name in os.environ), None)
+
+
+def _ranks() -> MPI.Comm | None:
+    """All ranks, where a launcher has started more than one."""
+    if _launched_as() is None:
+        return None
+    if find_spec("mpi4py") is None:
+        raise Missing(f"mpi4py is needed to share a sweep out, but {sys.executable} lacks it.")
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
 
 
 def _abort_other_ranks() -> None:
@@ -179,6 +207,23 @@ def _told(report: Report) -> int:
         return _complain(f"the result could not be written: {error.strerror or error}.", FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted.", INTERRUPTED)
+
+
+@contextlib.contextmanager
+def _progress(forced: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """What shows a sweep's progress on rank 0: one line on a terminal, nothing elsewhere unless forced."""
+    if _rank() > 0 or find_spec("tqdm") is None:
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(unit="scene", disable=False if forced else None) as bar:
+
+        def show(solved: int, count: int) -> None:
+            bar.total = count
+            bar.update(solved - bar.n)
+
+        yield show
 
 
 def _exit_code(solution: Solution) -> int:

@@ -55,21 +55,8 @@ def save(solution: Solution, path: str | Path) -> None:
     path = Path(path)
     if path.suffix != ".npz":
         raise SceneError("path", "end in .npz", str(path))
-    plain = {
-        "scene": scene_to_dict(solution.scene),
-        "method": solution.method,
-        "status": solution.status.name,
-        "message": solution.message,
-        "contacts": [asdict(contact) for contact in solution.contacts],
-        "zones": [asdict(zone) for zone in solution.zones],
-        "checks": [asdict(check) for check in solution.checks],
-        "iterations": solution.iterations,
-        "error_estimate": solution.error_estimate,
-        "stages": [asdict(stage) for stage in solution.stages],
-        "measures": dict(solution.measures),
-    }
     with replaced(path) as partial, open(partial, "wb") as file:
-        np.savez_compressed(file, solution=json.dumps(plain), **_arrays(solution.fields))
+        np.savez_compressed(file, solution=json.dumps(to_plain(solution)), **_arrays(solution.fields))
 
 
 def load(path: str | Path) -> Solution:
@@ -82,26 +69,54 @@ def load(path: str | Path) -> Solution:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         plain = json.loads(str(arrays.pop("solution")))
-        return Solution(
-            scene=scene_from_dict(plain["scene"]),
-            method=plain["method"],
-            status=Status[plain["status"]],
-            message=plain["message"],
-            contacts=tuple(_contact(contact) for contact in plain["contacts"]),
-            zones=tuple(_zone(zone) for zone in plain["zones"]),
-            fields=Fields(**arrays) if arrays else None,
-            checks=tuple(Check(**check) for check in plain["checks"]),
-            iterations=plain["iterations"],
-            error_estimate=plain["error_estimate"],
-            stages=tuple(Stage(**stage) for stage in plain["stages"]),
-            measures=plain["measures"],
-        )
+        return from_plain(plain, Fields(**arrays) if arrays else None)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         if isinstance(error, SceneError):
             raise
         raise SceneError(
             "path", f"name a file that `save` wrote ({type(error).__name__}: {error})", str(path)
         ) from None
+
+
+def to_plain(solution: Solution) -> dict[str, Any]:
+    """The solution without its arrays, as plain data for JSON; `from_plain` makes it again."""
+    return {
+        "scene": scene_to_dict(solution.scene),
+        "method": solution.method,
+        "status": solution.status.name,
+        "message": solution.message,
+        "contacts": [asdict(contact) for contact in solution.contacts],
+        "zones": [asdict(zone) for zone in solution.zones],
+        "checks": [asdict(check) for check in solution.checks],
+        "iterations": solution.iterations,
+        "error_estimate": solution.error_estimate,
+        "stages": [asdict(stage) for stage in solution.stages],
+        "measures": dict(solution.measures),
+    }
+
+
+def from_plain(plain: Mapping[str, Any], fields_: Fields | None = None) -> Solution:
+    """Makes a solution from plain data, with the given fields.
+
+    Raises:
+        SceneError: The data hold no scene.
+        KeyError: Something is missing in the data.
+        TypeError: Something is in the data that does not belong there.
+    """
+    return Solution(
+        scene=scene_from_dict(plain["scene"]),
+        method=plain["method"],
+        status=Status[plain["status"]],
+        message=plain["message"],
+        contacts=tuple(_contact(contact) for contact in plain["contacts"]),
+        zones=tuple(_zone(zone) for zone in plain["zones"]),
+        fields=fields_,
+        checks=tuple(Check(**check) for check in plain["checks"]),
+        iterations=plain["iterations"],
+        error_estimate=plain["error_estimate"],
+        stages=tuple(Stage(**stage) for stage in plain["stages"]),
+        measures=plain["measures"],
+    )
 
 
 def _arrays(fields_: Fields | None) -> dict[str, Array]:

@@ -10,9 +10,11 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx import contact, rod
 from belt_fenicsx.newton import Newton
+from belt_fenicsx.node_positions import map_slopes
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.space import CONTACT_DEGREE, HermiteSpace
 
@@ -59,10 +61,9 @@ class Problem:
         self.elements, self.frictional = elements, frictional
         self.space = space = HermiteSpace(elements, comm)
         self.stiffness = {name: fem.Constant(space.mesh, np.float64(1.0)) for name in ("a", "b1", "b2")}
-        self.penalty = fem.Constant(space.mesh, np.float64(1.0))
         # One constant (R, xc, H): DOLFINx 0.5 numbers several in an expression by their hash, and compiles anew.
         self.circle = fem.Constant(space.mesh, np.ones(3))
-        self.lambda_p, self.lambda_f = space.gauss_function(), space.gauss_function()
+        self.lambda_p, self.lambda_f, self.penalty = (space.gauss_function() for _ in range(3))
 
         r, theta = ufl.split(space.w)
         d_sigma = rod.along(space.sigma)
@@ -94,19 +95,27 @@ class Problem:
         V_f = d_contact(contact.friction_potential(r, lambda_f=self.lambda_f, t=t))
         return ufl.replace(ufl.derivative(U + V + V_f, w), {frozen: w})
 
-    def load(self, scene: Scene) -> None:
-        """Sets the parameters of a scene and the map sigma(eta)."""
+    def load(self, scene: Scene, nodes: Array) -> None:
+        """Sets the parameters of a scene, the nodes' material-length coordinates ``(elements + 1,)`` and sigma(eta)."""
         belt, pulley = scene.belt, scene.pulleys[0]
         self.stiffness["a"].value = belt.bending_stiffness
         self.stiffness["b1"].value = belt.extensional_stiffness
         self.stiffness["b2"].value = belt.shear_stiffness
         self.circle.value[:] = (pulley.radius, *pulley.center)
-        size = belt.length / self.elements
-        self.space.set_map(self.nodes(scene), np.full(self.elements + 1, size))
+        self.nodes, self.slopes = nodes, map_slopes(nodes)
+        self.space.set_map(self.nodes, self.slopes)
 
-    def nodes(self, scene: Scene) -> Array:
-        """Material-length coordinates of the nodes ``(elements + 1,)``."""
-        return np.linspace(-scene.belt.length / 2, scene.belt.length / 2, self.elements + 1)
+    def gauss_points(self) -> Array:
+        """Material-length coordinates of the owned cells' Gauss points ``(cells, points)``."""
+        return CubicHermiteSpline(np.arange(self.elements + 1), self.nodes, self.slopes)(self.space.eta)
+
+    def sizes(self) -> Array:
+        """Sizes of the owned cells ``(cells,)``."""
+        return np.diff(self.nodes)[np.floor(self.space.eta[:, 0]).astype(int)]
+
+    def set_penalty(self, penalty: Array) -> None:
+        """Sets the penalty at the Gauss points of the owned cells ``(cells, points)``."""
+        self.space.set_gauss(self.penalty, penalty)
 
     def set_multipliers(self, lambda_p: Array, lambda_f: Array) -> None:
         """Sets the multipliers at the Gauss points of the owned cells ``(cells, points)``."""

@@ -12,12 +12,22 @@ from mpi4py import MPI
 from belt_fenicsx.scene import SceneError
 
 
-def unit_cells(elements: int, comm: MPI.Comm) -> mesh.Mesh:
-    """Interval [0, ``elements``] of cells of length one.
+def check_elements(elements: int, ranks: int) -> int:
+    """Checks a number of elements.
 
     Raises:
         SceneError: There are not enough elements for the ranks; on all ranks, before anything collective.
     """
-    if isinstance(elements, bool) or not isinstance(elements, int) or elements < max(2, comm.size):
-        raise SceneError("elements", f"be a whole number of at least {max(2, comm.size)} ({comm.size} ranks)", elements)
-    return mesh.create_interval(comm, elements, [0.0, float(elements)])
+    fewest = max(2, ranks)
+    if isinstance(elements, bool) or not isinstance(elements, int) or elements < fewest:
+        raise SceneError("elements", f"be a whole number of at least {fewest} ({ranks} ranks)", elements)
+    return elements
+
+
+def unit_cells(elements: int, comm: MPI.Comm) -> mesh.Mesh:
+    """Interval [0, ``elements``] of cells of length one.
+
+    Raises:
+        SceneError: There are not enough elements for the ranks.
+    """
+    return mesh.create_interval(comm, check_elements(elements, comm.size), [0.0, float(elements)])

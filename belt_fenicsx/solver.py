@@ -22,6 +22,7 @@ def solve(
     method: str = "fitted",
     rtol: float = 1e-8,
     elements: int | None = None,
+    mesh: Any = None,
     comm: MPI.Comm | None = None,
     options: Mapping[str, Any] | None = None,
     initial: Solution | None = None,
@@ -35,6 +36,7 @@ def solve(
             a fixed mesh (18.2).
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
+        mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
         comm: MPI communicator; all ranks by default.
         options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
         initial: A solution to start from; first stages are then left out.
@@ -58,12 +60,14 @@ def solve(
     if elements is not None:
         common["elements"] = elements
     if method == "fitted":
+        if mesh is not None:
+            raise SceneError("mesh", "be left out with the method fitted, which moves its own nodes", mesh)
         from belt_fenicsx import fitted
 
         return fitted.solve(scene, **common)
     from belt_fenicsx import augmented_lagrangian
 
-    return augmented_lagrangian.solve(scene, **common)
+    return augmented_lagrangian.solve(scene, mesh=mesh, **common)
 
 
 def check_rtol(rtol: float) -> float:

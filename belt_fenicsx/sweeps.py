@@ -1,19 +1,32 @@
-"""Many scenes, one after another: each starts from the answer before it, and from nothing where that fails."""
+"""Many scenes, on one process or on many ranks: each starts from the answer before it, from nothing where that fails.
+
+The scenes go to ranks in contiguous chunks (`sweep_ranks`); finished ones are kept for a restart (`sweep_parts`).
+"""
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import functools
+import inspect
 import io
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from belt_fenicsx.files import replaced
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import with_values
 from belt_fenicsx.solution import Array, Solution, Stage, Status
 from belt_fenicsx.solver import solve
+from belt_fenicsx.sweep_parts import Parts, key
+from belt_fenicsx.sweep_ranks import OneProcess, Ranks, ranks_of
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 COLUMNS = {
     "omega": "rad/s",
@@ -84,7 +97,11 @@ def sweep(
     over: str | None = None,
     values: Iterable[Any] | None = None,
     solver: Callable[..., Solution] = solve,
+    comm: MPI.Comm | None = None,
+    out: str | Path | None = None,
+    keep_fields: bool = True,
     on_solved: Callable[[int, Solution], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
     **arguments: Any,
 ) -> Sweep:
     """Solves many scenes with warm starts along the way.
@@ -96,47 +113,122 @@ def sweep(
         over: Path of the value to change, as in ``"pulleys.0.x_trans"``.
         values: The values it takes.
         solver: The function that solves one scene: `solve` or `bvp.solve`.
-        on_solved: Called with the number of each scene and its solution.
+        comm: Ranks that share the scenes, each of which is then solved by one rank alone; without it no sharing.
+        out: A file for the table. Until it is written, finished rows are kept beside it, and a sweep that was
+            stopped goes on where it was when it is called again in the same way.
+        keep_fields: Whether the solutions keep their fields, which the table does not need.
+        on_solved: Called with the number of each scene and its solution, on the rank that solved it.
+        progress: Called on the first rank with the numbers of scenes solved so far, by all ranks, and to be solved.
         arguments: Further arguments of the solver, such as ``rtol`` and ``method``.
+
+    Returns:
+        The answers, the same on every rank. What is private to a method stays on the rank that solved the scene, and
+        answers of an earlier call have no fields.
 
     Raises:
         SceneError: A value does not make a scene, before any scene is solved; or the arguments do not fit together.
+        OSError: The table, or what is kept beside it, cannot be written; on all ranks.
     """
+    numbers, wanted = _wanted(scenes, over, values)
+    call = _call(solver, arguments, comm)
+    ranks = ranks_of(comm)
+    parts = None if out is None else Parts(Path(out), ranks.rank)
+    names = [] if parts is None else [key(scene, _asked(call)) for scene in wanted]
+    known = {} if parts is None else ranks.on_first(parts.read)
+    solutions = {index: known[name] for index, name in enumerate(names) if name in known}
+    missing = [index for index in range(len(wanted)) if index not in solutions]
+
+    def show(done: int) -> None:
+        if progress is not None and ranks.rank == 0:
+            progress(done, len(wanted))
+
+    def solved(index: int, solution: Solution) -> None:
+        if parts is not None:
+            parts.keep(names[index], solution)
+        show(len(wanted) - len(missing) + ranks.solved())
+        if on_solved is not None:
+            on_solved(index, solution)
+
+    solutions |= _solved_by_all(wanted, missing, call, ranks, parts, solved, keep_fields)
+    show(len(solutions))
+    result = Sweep(over=over, values=numbers, solutions=tuple(solutions[index] for index in range(len(wanted))))
+    if parts is not None:
+        ranks.on_first(functools.partial(_write, result, parts))
+    return result
+
+
+def _wanted(
+    scenes: Scene | Iterable[Scene], over: str | None, values: Iterable[Any] | None
+) -> tuple[tuple[Any, ...], tuple[Scene, ...]]:
+    """The values, or numbers, of the scenes, and the scenes."""
     if isinstance(scenes, Scene):
         if over is None or values is None:
             raise SceneError("over", "come with one scene and with `values`", over)
         numbers = tuple(values)
-        wanted = tuple(_with_value(scenes, over, value) for value in numbers)
-    else:
-        if over is not None or values is not None:
-            raise SceneError("over", "be left out with a list of scenes", over)
-        wanted = tuple(scenes)
-        numbers = tuple(range(len(wanted)))
-    solutions: list[Solution] = []
-    last: Solution | None = None
-    for index, scene in enumerate(wanted):
-        solution = _solved(scene, last, solver, arguments)
-        solutions.append(solution)
-        last = solution if solution.success else last
-        if on_solved is not None:
-            on_solved(index, solution)
-    return Sweep(over=over, values=numbers, solutions=tuple(solutions))
+        return numbers, tuple(_with_value(scenes, over, value) for value in numbers)
+    if over is not None or values is not None:
+        raise SceneError("over", "be left out with a list of scenes", over)
+    wanted = tuple(scenes)
+    return tuple(range(len(wanted))), wanted
 
 
 def _with_value(scene: Scene, over: str, value: Any) -> Scene:
     return with_values(scene, {over: value.item() if isinstance(value, np.generic) else value})
 
 
-def _solved(
-    scene: Scene, last: Solution | None, solver: Callable[..., Solution], arguments: Mapping[str, Any]
-) -> Solution:
+def _call(
+    solver: Callable[..., Solution], arguments: dict[str, Any], comm: MPI.Comm | None
+) -> functools.partial[Solution]:
+    """The solver with its arguments; where ranks share the scenes, each solves its own alone."""
+    if comm is not None and "comm" in inspect.signature(solver).parameters:
+        from mpi4py import MPI
+
+        arguments = {**arguments, "comm": MPI.COMM_SELF}
+    return functools.partial(solver, throw=False, **arguments)
+
+
+def _asked(call: functools.partial[Solution]) -> dict[str, Any]:
+    """What an answer depends on, beside the scene."""
+    arguments = {name: value for name, value in call.keywords.items() if name != "comm"}
+    return {**arguments, "solver": getattr(call.func, "__module__", repr(call.func))}
+
+
+def _solved_by_all(
+    wanted: Sequence[Scene],
+    missing: Sequence[int],
+    call: functools.partial[Solution],
+    ranks: OneProcess | Ranks,
+    parts: Parts | None,
+    solved: Callable[[int, Solution], None],
+    keep_fields: bool,
+) -> dict[int, Solution]:
+    """Solves the missing scenes, this rank those of its chunks; an error of one rank ends the sweep on all."""
+    mine: dict[int, Solution] = {}
+    error: BaseException | None = None
+    ranks.start()
+    try:
+        with parts or contextlib.nullcontext():
+            for chunk in ranks.chunks(len(missing)):
+                last: Solution | None = None
+                for index in (missing[number] for number in chunk):
+                    solution = _solved(wanted[index], last, call)
+                    last = solution if solution.success else last
+                    mine[index] = _lean(solution, ranks, keep_fields)
+                    solved(index, solution)
+    except (Exception, KeyboardInterrupt) as caught:
+        ranks.stop()
+        error = caught
+    return ranks.gathered(mine, error)
+
+
+def _solved(scene: Scene, last: Solution | None, call: functools.partial[Solution]) -> Solution:
     """Solves from the last answer, and from nothing where that gives none."""
     for initial in (last, None) if last is not None else (None,):
         try:
-            solution = solver(scene, initial=initial, throw=False, **arguments)
+            solution = call(scene, initial=initial)
         except SceneError as error:
             # Found only on the way, as a transition outside of the contact is: the sweep goes on.
-            return _refused(scene, str(arguments.get("method", "")), error)
+            return _refused(scene, str(call.keywords.get("method", "")), error)
         if solution.success:
             return solution
     return solution
@@ -145,3 +237,17 @@ def _solved(
 def _refused(scene: Scene, method: str, error: SceneError) -> Solution:
     stage = Stage(name="scene", why=str(error))
     return Solution(scene=scene, method=method, status=Status.REFUSED, message=str(error), stages=(stage,))
+
+
+def _lean(solution: Solution, ranks: OneProcess | Ranks, keep_fields: bool) -> Solution:
+    """The solution without what was not asked for, or cannot travel between ranks."""
+    if isinstance(ranks, Ranks):
+        solution = replace(solution, state=None, evaluator=None)
+    return solution if keep_fields else replace(solution, fields=None, state=None, evaluator=None)
+
+
+def _write(result: Sweep, parts: Parts) -> None:
+    """Writes the table, which then needs no side files."""
+    with replaced(parts.table) as partial:
+        partial.write_text(result.csv())
+    parts.remove()

@@ -74,12 +74,27 @@ def test_error_falls_with_the_number_of_elements():
     assert order > 0.9
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("elements", [20_000, 100_000])
+def test_fine_meshes_come_to_rest_at_rounding(elements):
+    solution = solve_fixed(Scene(), elements=elements)
+    assert solution.omega == pytest.approx(OMEGA, rel=3e-8)
+    assert solution.measures["multiplier_change"] <= max(1e-5, solution.measures["rounding"])
+
+
 def test_entry_slip_zone_appears_where_stick_would_break_coulombs_bound():
     solution = solve_fixed(scene(friction=0.02), elements=400)
     kinds = [(zone.kind, zone.slip) for zone in solution.zones]
     assert kinds == [("free", None), ("slip", "forward"), ("stick", None), ("slip", "forward"), ("free", None)]
     assert solution.zones[1].x[1] == pytest.approx(-0.2115616953, abs=1.0 / 400)
     assert solution.omega == pytest.approx(1.482261967364, rel=1e-6)
+
+
+def test_sliding_the_wrong_way_at_the_run_off_is_no_answer():
+    """Stick up to the run-off would need more friction: the belt slides forward there, not as the clip has it."""
+    solution = solve_fixed(scene(friction=0.03, x_trans="run-off"), elements=400, throw=False)
+    assert solution.status is Status.NOT_ADMISSIBLE
+    assert solution.violations[0].startswith("sense of sliding in slip: violated")
 
 
 def test_frictionless_belt_transmits_no_moment():
@@ -134,7 +149,7 @@ def test_too_soft_a_penalty_is_no_answer():
 
 
 def test_penalties_scale_with_the_stiffness_and_the_mesh():
-    one, other = Penalties.of(Scene(), 100), Penalties.of(Scene(belt=Belt(youngs_modulus=1e8)), 200)
+    one, other = Penalties.of(Scene(), 0.01), Penalties.of(Scene(belt=Belt(youngs_modulus=1e8)), 0.005)
     assert other.relaxed == pytest.approx(2 * one.relaxed)
     assert other.full == pytest.approx(8 * one.full)
     assert other.friction == pytest.approx(2 * one.friction)

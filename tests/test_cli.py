@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,6 +77,8 @@ BAD = [
     (["sweep", "--over", "pulleys.0.x_trans=0:1:1"], "--over", "COUNT from 2"),
     (["sweep", "--over", "pulleys.0.friction=0.1,["], "pulleys.0.friction", "TOML value"),
     (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--json"], "--json", "known option"),
+    (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--out", "table"], "--out", ".csv"),
+    (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--out", "missing/table.csv"], "--out", "folder that exists"),
     (["check", "--plot", "a.png"], "--plot", "known option"),
 ]
 
@@ -335,6 +339,56 @@ def test_sweep_is_a_table_with_units(capsys):
     assert head.startswith("pulleys.0.x_trans,omega [rad/s],x_up [m]")
     assert [row.split(",")[0] for row in rows] == ["-0.1", "0.0", "0.1"]
     assert float(rows[1].split(",")[1]) == pytest.approx(1.4807092526, rel=1e-8)
+
+
+def test_sweep_over_ranks_writes_its_table_once(capfd, tmp_path):
+    world = pytest.importorskip("mpi4py.MPI").COMM_WORLD
+    table = world.bcast(tmp_path, root=0) / "table.csv"
+    argv = ["sweep", "--method", "bvp", "--rtol", "1e-4", "--over", "pulleys.0.x_trans=-0.1:0.1:5", "--out", str(table)]
+    assert cli.main(argv) == 0
+    out, err = capfd.readouterr()
+    assert out == (f"{table}: 5 scenes, 5 solved\n" if cli._rank() == 0 else "")
+    assert err == ""
+    assert len(table.read_text().splitlines()) == 6
+
+
+@serial
+def test_progress_is_shown_where_it_is_asked_for(capfd):
+    pytest.importorskip("tqdm")
+    argv = ["sweep", "--method", "bvp", "--rtol", "1e-4", "--over", "pulleys.0.x_trans=-0.1,0.1", "--progress"]
+    assert cli.main(argv) == 0
+    assert "2/2" in capfd.readouterr().err
+
+
+@serial
+def test_a_table_that_cannot_be_written_is_no_crash(capfd, tmp_path):
+    (tmp_path / "table.csv.part.0").mkdir()
+    argv = ["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=0,0.1", "--out", str(tmp_path / "table.csv")]
+    assert cli.main(argv) == 1
+    assert "could not be written: Is a directory" in capfd.readouterr().err
+
+
+@serial
+def test_an_interrupted_sweep_exits_non_zero_and_keeps_its_rows(tmp_path):
+    table = tmp_path / "table.csv"
+    argv = ["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=-0.2:0.2:5000", "--out", str(table)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "belt_fenicsx", *argv],
+        stderr=subprocess.PIPE,
+        text=True,
+        # A test run in the background has been told to ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    side = tmp_path / "table.csv.part.0"
+    for _ in range(600):
+        if side.exists() and side.stat().st_size > 10_000:
+            break
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    assert "interrupted" in process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert side.stat().st_size > 10_000
+    assert not table.exists()
 
 
 @serial

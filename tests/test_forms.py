@@ -12,21 +12,24 @@ from belt_fenicsx.lagrangian_forms import Problem
 ELEMENTS = 8
 
 
-@pytest.fixture(scope="module")
-def problem():
+GRADES = {"uniform": np.zeros(ELEMENTS), "graded": 0.1 * np.array([0, 1, 2, 3, 3, 2, 1, 0])}
+
+
+@pytest.fixture(scope="module", params=GRADES)
+def problem(request):
     problem = Problem(ELEMENTS, MPI.COMM_SELF, {}, frictional=True)
     scene = Scene().dimensionless()[0]
-    problem.load(scene)
-    nodes = problem.nodes(scene)
-    size = nodes[1] - nodes[0]
+    sizes = np.exp(-GRADES[request.param])
+    problem.load(scene, np.append(0.0, np.cumsum(sizes)) / np.sum(sizes) - 0.5)
+    nodes, size = problem.nodes, problem.slopes[:, np.newaxis]
     # A bent, stretched and sheared belt, partly inside the pulley.
     values = np.column_stack([1.04 * nodes, 0.11 * np.cos(np.pi * nodes), -0.3 * np.sin(np.pi * nodes)])
     slopes = size * np.column_stack(
         [np.full_like(nodes, 1.04), -0.11 * np.pi * np.sin(np.pi * nodes), -0.3 * np.pi * np.cos(np.pi * nodes)]
     )
     problem.space.set_state(values, slopes)
-    problem.penalty.value = 50.0
     shape = problem.space.eta.shape
+    problem.set_penalty(np.full(shape, 50.0))
     problem.set_multipliers(np.full(shape, 0.07), np.full(shape, -0.01))
     return problem
 
@@ -68,8 +71,7 @@ def test_jacobian_has_friction_the_others_have_not(problem):
 @pytest.mark.parametrize("angle", [0.0, 0.4, -2.0])
 def test_rigid_motion_costs_no_energy(problem, angle):
     space = problem.space
-    nodes = problem.nodes(Scene().dimensionless()[0])
-    size = nodes[1] - nodes[0]
+    nodes, size = problem.nodes, problem.slopes[:, np.newaxis]
     c, s = np.cos(angle), np.sin(angle)
     kept = space.w.x.array.copy()
     values = np.column_stack([0.3 + c * nodes, -0.2 + s * nodes, np.full_like(nodes, angle)])
@@ -88,8 +90,7 @@ def test_rigid_motion_costs_no_energy(problem, angle):
 def test_energy_of_a_stretched_and_of_a_bent_belt(problem):
     """U = b1 eps^2 Ls / 2 of pure stretch and a kappa^2 Ls / 2 of a circle (18.9)."""
     space, scene = problem.space, Scene().dimensionless()[0]
-    nodes = problem.nodes(scene)
-    size, kappa, eps = nodes[1] - nodes[0], 0.5, 0.03
+    nodes, size, kappa, eps = problem.nodes, problem.slopes[:, np.newaxis], 0.5, 0.03
     kept = space.w.x.array.copy()
     r, theta = ufl.split(space.w)
     strain = rod.strains(r, theta, rod.along(space.sigma))
@@ -104,4 +105,6 @@ def test_energy_of_a_stretched_and_of_a_bent_belt(problem):
     bent = fem.assemble_scalar(energy)
     space.w.x.array[:] = kept
     assert stretched == pytest.approx(0.5 * eps**2, rel=1e-12)
-    assert bent == pytest.approx(0.5 * scene.belt.bending_stiffness * kappa**2, rel=1e-5)
+    # Where the sizes of a few cells change by jumps, the map is less smooth than the circle.
+    rel = 1e-5 if np.ptp(problem.slopes) < 1e-12 else 5e-4
+    assert bent == pytest.approx(0.5 * scene.belt.bending_stiffness * kappa**2, rel=rel)

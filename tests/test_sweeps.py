@@ -1,14 +1,29 @@
-"""Sweeps: warm starts along the way, cold starts where they fail, rows for scenes without an answer."""
+"""Sweeps: warm starts along the way, cold starts where they fail, rows for scenes without an answer; over ranks."""
 
 import csv
 import io
+import itertools
+import json
 
 import numpy as np
 import pytest
 
 from belt_fenicsx import Pulley, Scene, SceneError, Status, bvp, sweep
+from belt_fenicsx.sweep_ranks import shares
 
 PLACES = (-0.1, 0.0, 0.1)
+MANY = tuple(np.linspace(-0.1, 0.1, 9))
+
+
+@pytest.fixture
+def comm():
+    return pytest.importorskip("mpi4py.MPI").COMM_WORLD
+
+
+@pytest.fixture
+def shared(comm, tmp_path):
+    """One path of a table for all ranks."""
+    return comm.bcast(tmp_path, root=0) / "table.csv"
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +97,149 @@ def test_progress_is_told():
     told = []
     sweep(Scene(), over="pulleys.0.x_trans", values=PLACES[:2], solver=bvp.solve, on_solved=lambda i, s: told.append(i))
     assert told == [0, 1]
+    told = []
+    sweep(Scene(), over="pulleys.0.x_trans", values=PLACES[:2], solver=quick, progress=lambda *n: told.append(n))
+    assert told == [(1, 2), (2, 2), (2, 2)]
+
+
+def quick(scene, *, initial=None, throw=True, rtol=1e-4):
+    return bvp.solve(scene, rtol=rtol, initial=initial, throw=throw)
+
+
+def over_ranks(comm, solver=quick, **arguments):
+    return sweep(Scene(), over="pulleys.0.x_trans", values=MANY, solver=solver, comm=comm, **arguments)
+
+
+@pytest.mark.parametrize(("count", "ranks"), [(0, 2), (1, 3), (3, 2), (2000, 2), (2000, 7)])
+def test_chunks_cover_all_scenes_and_the_last_are_short(count, ranks):
+    chunks = shares(count, ranks)
+    assert list(itertools.chain(*chunks)) == list(range(count))
+    assert [len(chunk) for chunk in chunks] == sorted((len(chunk) for chunk in chunks), reverse=True)
+    assert all(len(chunk) == 1 for chunk in chunks[-ranks:])
+
+
+def test_ranks_give_the_same_answers_in_the_order_asked_for(comm):
+    together, alone = over_ranks(comm), over_ranks(None)
+    for name in ("omega", "x_up", "x_trans", "torque"):
+        assert together[name] == pytest.approx(alone[name], rel=1e-4, abs=1e-6)
+    assert together.values == alone.values
+    assert [solution.scene for solution in together.solutions] == [solution.scene for solution in alone.solutions]
+    assert len(set(comm.allgather(together.csv()))) == 1
+    assert all(solution.fields is not None for solution in together.solutions)
+
+
+def test_each_scene_is_solved_once(comm):
+    mine = []
+    over_ranks(comm, on_solved=lambda index, solution: mine.append(index))
+    assert sorted(itertools.chain(*comm.allgather(mine))) == list(range(len(MANY)))
+
+
+def test_finite_elements_solve_each_scene_on_one_rank(comm):
+    solve = pytest.importorskip("belt_fenicsx.solver").solve
+    options = {"method": "augmented-lagrangian", "elements": 50}
+    together, alone = over_ranks(comm, solve, **options), over_ranks(None, solve, **options)
+    assert together["omega"] == pytest.approx(alone["omega"], rel=1e-8)
+
+
+def test_fewer_scenes_than_ranks(comm):
+    assert sweep([Scene()], solver=quick, comm=comm)["omega"] == pytest.approx([1.4807092526], rel=1e-4)
+    assert sweep([], solver=quick, comm=comm).solutions == ()
+
+
+def test_an_error_on_one_rank_is_raised_on_all(comm):
+    def solver(scene, *, initial, throw):
+        if scene.pulleys[0].x_trans == MANY[0]:
+            raise ZeroDivisionError("on one rank")
+        return quick(scene, initial=initial)
+
+    with pytest.raises(ZeroDivisionError, match="on one rank"):
+        over_ranks(comm, solver)
+
+
+def test_an_error_that_cannot_travel_keeps_its_name(comm):
+    class LocalError(Exception):
+        pass
+
+    def solver(scene, *, initial, throw):
+        if scene.pulleys[0].x_trans == MANY[0]:
+            raise LocalError("here")
+        return quick(scene, initial=initial)
+
+    with pytest.raises((LocalError, RuntimeError), match="here"):
+        over_ranks(comm, solver)
+
+
+def test_a_table_that_cannot_be_written_is_an_error_on_all(comm, tmp_path):
+    with pytest.raises(OSError):
+        over_ranks(comm, out=tmp_path / "missing" / "table.csv")
+
+
+def test_the_table_is_written_once_and_nothing_else_stays(comm, shared):
+    result = over_ranks(comm, out=shared)
+    comm.Barrier()
+    assert shared.read_text() == result.csv()
+    assert [path.name for path in shared.parent.iterdir()] == [shared.name]
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_sweep_that_was_stopped_goes_on_where_it_was(comm, shared, broken):
+    solved = []
+
+    def solver(scene, *, initial, throw, rtol):
+        if len(solved) == 2:
+            raise KeyboardInterrupt
+        solved.append(scene)
+        return quick(scene, initial=initial, rtol=rtol)
+
+    with pytest.raises(KeyboardInterrupt):
+        over_ranks(comm, solver, out=shared, rtol=1e-4)
+    comm.Barrier()
+    assert not shared.exists()
+    own = shared.with_name(f"{shared.name}.part.{comm.rank}")
+    kept = comm.allreduce(len(solved))
+    assert comm.allreduce(sum(1 for line in own.read_text().splitlines() if line)) == kept >= 2
+    if broken and comm.rank == 0:
+        with open(own, "a") as file:
+            file.write('{"key": "cut o')
+    comm.Barrier()
+
+    again = []
+    result = over_ranks(comm, quick_again(again), out=shared, rtol=1e-4)
+    assert comm.allreduce(len(again)) == len(MANY) - kept
+    assert result["omega"] == pytest.approx(over_ranks(None)["omega"], rel=1e-4)
+    comm.Barrier()
+    assert [path.name for path in shared.parent.iterdir()] == [shared.name]
+
+
+def quick_again(called):
+    def solver(scene, *, initial, throw, rtol):
+        called.append(scene)
+        return quick(scene, initial=initial, rtol=rtol)
+
+    return solver
+
+
+@pytest.mark.serial
+def test_other_arguments_are_another_sweep(tmp_path):
+    table = tmp_path / "table.csv"
+    solution = quick(Scene())
+
+    def interrupted(scene, *, initial, throw, rtol):
+        if scene.pulleys[0].x_trans != MANY[0]:
+            raise KeyboardInterrupt
+        return solution
+
+    with pytest.raises(KeyboardInterrupt):
+        over_ranks(None, interrupted, out=table, rtol=1e-4)
+    (line,) = filter(None, (tmp_path / "table.csv.part.0").read_text().splitlines())
+    assert json.loads(line)["solution"]["status"] == "SOLVED"
+    again = []
+    over_ranks(None, quick_again(again), out=table, rtol=1e-5)
+    assert len(again) == len(MANY)
+
+
+@pytest.mark.serial
+def test_solutions_without_fields():
+    result = over_ranks(None, keep_fields=False)
+    assert {solution.fields for solution in result.solutions} == {None}
+    assert np.all(np.isfinite(result["omega"]))

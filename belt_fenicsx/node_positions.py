@@ -1,0 +1,102 @@
+"""The nodes of a user's mesh: read from an array or a file, and checked against the belt that they are to cover."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from belt_fenicsx.scene import SceneError, Verbatim
+
+Array = np.ndarray
+FEWEST = 8
+# How far from the belt's ends, in its length, the outer nodes may be: positions are often written with few digits.
+END_TOLERANCE = 1e-9
+
+
+def node_positions(mesh: Any, *, length: float, ranks: int = 1) -> Array:
+    """The material-length coordinates of a mesh's nodes, the outer ones exactly at the belt's ends.
+
+    Args:
+        mesh: Increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m]; or a file of them: ``.txt`` with one in a line, or a
+            mesh of lines along x that meshio reads, such as ``.msh``, ``.xdmf`` and ``.vtu``.
+        length: Length Ls of the belt [m].
+        ranks: Number of processes, which have at least one cell each.
+
+    Returns:
+        Positions ``(n,)`` [m].
+
+    Raises:
+        SceneError: The mesh cannot be read, is no mesh of this belt, or is too coarse.
+    """
+    positions = _read(Path(mesh)) if isinstance(mesh, str | PathLike) else _array(mesh)
+    fewest = max(FEWEST, ranks)
+    if len(positions) <= fewest:
+        raise SceneError("mesh", f"have at least {fewest} cells ({ranks} ranks)", len(positions) - 1)
+    steps = np.diff(positions)
+    if not np.all(steps > 0.0):
+        place = int(np.argmin(steps > 0.0))
+        found = Verbatim(f"{positions[place + 1]:g} after {positions[place]:g} as node {place + 1}")
+        raise SceneError("mesh", "have nodes that increase [m]", found)
+    ends = np.array([-0.5, 0.5]) * length
+    if not np.allclose(positions[[0, -1]], ends, rtol=0.0, atol=END_TOLERANCE * length):
+        found = Verbatim(f"[{positions[0]:.10g}, {positions[-1]:.10g}]")
+        raise SceneError("mesh", f"cover the belt, [{ends[0]:g}, {ends[1]:g}] [m]", found)
+    positions[[0, -1]] = ends
+    return positions
+
+
+def map_slopes(positions: Array) -> Array:
+    """Slopes at the nodes of a C1 map from unit cells to these.
+
+    Harmonic means make it increase everywhere (Fritsch and Butland 1984, doi:10.1137/0905021); the outer slopes are
+    extrapolated, within the bounds that keep it so.
+    """
+    sizes = np.diff(positions)
+    inner = 2.0 * sizes[:-1] * sizes[1:] / (sizes[:-1] + sizes[1:])
+    outer, next_to_it = sizes[[0, -1]], sizes[[1, -2]]
+    ends = np.clip((3.0 * outer - next_to_it) / 2.0, outer / 2.0, 2.0 * outer)
+    return np.concatenate([ends[:1], inner, ends[1:]])
+
+
+def _array(values: Any) -> Array:
+    try:
+        positions = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise SceneError("mesh", "be positions of nodes [m] or the name of a file", values) from None
+    if positions.ndim != 1:
+        raise SceneError("mesh", "be one row of positions [m]", Verbatim(f"shape {positions.shape}"))
+    if not np.all(np.isfinite(positions)):
+        raise SceneError("mesh", "have finite positions [m]", float(positions[~np.isfinite(positions)][0]))
+    return positions
+
+
+def _read(path: Path) -> Array:
+    if not path.is_file():
+        raise SceneError("mesh", "name a file that is there", str(path))
+    try:
+        return _array(np.loadtxt(path, ndmin=1)) if path.suffix == ".txt" else _read_lines(path)
+    except SceneError:
+        raise
+    # Each format of meshio has its own ways to fail, and it ends the process for some.
+    except (Exception, SystemExit) as error:
+        expected = f"name a file of positions or a mesh that meshio reads ({type(error).__name__}: {error})"
+        raise SceneError("mesh", expected, str(path)) from None
+
+
+def _read_lines(path: Path) -> Array:
+    import meshio
+
+    # The reader of gmsh's files prints an empty line.
+    with contextlib.redirect_stdout(io.StringIO()):
+        mesh = meshio.read(path)
+    if "line" not in mesh.cells_dict:
+        raise SceneError("mesh", "have cells of the type line", Verbatim(", ".join(mesh.cells_dict) or "none"))
+    points = mesh.points[np.unique(mesh.cells_dict["line"])]
+    if np.any(points[:, 1:]):
+        raise SceneError("mesh", "lie on the x axis", Verbatim(f"y, z up to {np.max(np.abs(points[:, 1:])):g}"))
+    return np.sort(_array(points[:, 0]))

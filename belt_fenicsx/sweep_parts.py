@@ -1,0 +1,73 @@
+"""What a sweep that was stopped leaves behind: finished answers beside the table that was to be written.
+
+Each rank appends its answers to a file of its own, ``FILE.csv.part.RANK``, one JSON object a line. An answer is found
+again by its scene and by how it was asked for, whatever the number of ranks.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from belt_fenicsx.files import from_plain, to_plain
+from belt_fenicsx.scene import Scene
+from belt_fenicsx.scene_file import scene_to_dict
+from belt_fenicsx.solution import Solution
+
+
+def key(scene: Scene, arguments: Mapping[str, Any]) -> str:
+    """Names a scene together with the solver's arguments; equal ones have equal names."""
+    asked = json.dumps([scene_to_dict(scene), arguments], sort_keys=True, default=repr)
+    return hashlib.sha256(asked.encode()).hexdigest()
+
+
+class Parts:
+    """The side files of a table.
+
+    Args:
+        table: The table's path.
+        rank: The number of this rank's own file.
+    """
+
+    def __init__(self, table: Path, rank: int) -> None:
+        self.table, self._own = table, table.with_name(f"{table.name}.part.{rank}")
+
+    def _all(self) -> list[Path]:
+        stem = f"{self.table.name}.part."
+        return sorted(path for path in self.table.parent.iterdir() if path.name.startswith(stem))
+
+    def read(self) -> dict[str, Solution]:
+        """The answers that earlier runs left, without their fields. A line that was cut off is left out."""
+        return dict(answer for path in self._all() for answer in _answers(path))
+
+    def __enter__(self) -> Parts:
+        self._file = open(self._own, "a", encoding="utf-8")
+        # Ends a line that was cut off.
+        self._file.write("\n")
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._file.close()
+
+    def keep(self, name: str, solution: Solution) -> None:
+        """Appends an answer, which a sudden end of the process then leaves in place."""
+        self._file.write(json.dumps({"key": name, "solution": to_plain(solution)}) + "\n")
+        self._file.flush()
+
+    def remove(self) -> None:
+        """Removes the side files of all ranks."""
+        for path in self._all():
+            path.unlink()
+
+
+def _answers(path: Path) -> Iterator[tuple[str, Solution]]:
+    with open(path, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                plain = json.loads(line)
+                yield plain["key"], from_plain(plain["solution"])
