@@ -29,12 +29,13 @@ from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx import recognition
 from belt_fenicsx.certificate import SENSE, certified, check_transition
+from belt_fenicsx.fields import Fields
 from belt_fenicsx.lagrangian_forms import Problem, State
 from belt_fenicsx.mesh import check_elements
 from belt_fenicsx.newton import NewtonError
 from belt_fenicsx.node_positions import node_positions
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene, SceneError
-from belt_fenicsx.solution import Fields, Solution, Stage, Status, finish
+from belt_fenicsx.solution import Solution, Stage, Status, finish
 from belt_fenicsx.taut_string import taut_string
 
 Array = np.ndarray

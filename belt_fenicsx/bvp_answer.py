@@ -10,8 +10,9 @@ from scipy.interpolate import PPoly
 from belt_fenicsx.bvp_collocation import Discrete
 from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, moment
 from belt_fenicsx.bvp_zones import Slip
+from belt_fenicsx.fields import Fields
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Contact, Fields, Solution, Zone
+from belt_fenicsx.solution import Contact, Solution, Zone
 
 DENSE = 100  # intervals of each zone at least, for the fields
 

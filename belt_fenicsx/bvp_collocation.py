@@ -16,7 +16,7 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp_problem import Problem
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 
 ORDER = 4  # of collocation with three Lobatto points
 COARSE, FINEST = 12, 8192  # intervals of the first mesh, and at most

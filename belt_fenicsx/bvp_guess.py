@@ -8,8 +8,8 @@ import numpy as np
 
 from belt_fenicsx.bvp_collocation import COARSE, Discrete, graded
 from belt_fenicsx.bvp_problem import Problem
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Array
 from belt_fenicsx.taut_string import LEAST_STRAIN, taut_string
 
 

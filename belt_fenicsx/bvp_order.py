@@ -25,8 +25,8 @@ from belt_fenicsx.bvp_collocation import Discrete
 from belt_fenicsx.bvp_problem import FIRST, LAST, Condition, Problem, component, moment, onset
 from belt_fenicsx.bvp_zones import Free, Rod, Slip, Stick
 from belt_fenicsx.certificate import SENSE
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
-from belt_fenicsx.solution import Array
 
 STICK = 0
 NOTHING = 1e-8  # length of a zone that has shrunk to nothing, in belt lengths

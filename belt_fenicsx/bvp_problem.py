@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from belt_fenicsx.bvp_zones import Force, Rod, Slip, ZoneEquations
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 
 FIRST, LAST = 0, -1  # ends of a zone
 

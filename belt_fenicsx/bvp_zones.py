@@ -24,7 +24,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 
 CONTINUOUS = ("x", "y", "phi", "theta", "kappa", "D")
 

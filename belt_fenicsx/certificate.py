@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Array, Check, Fields, Solution, Status, Zone
+from belt_fenicsx.solution import Check, Solution, Status, Zone
 
 # Sums over the whole contact of values that are known at points: what is wrong in kind misses by far more.
 BALANCE = 1e-3

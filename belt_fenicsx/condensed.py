@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 from belt_fenicsx.zones import Mesh
 
 

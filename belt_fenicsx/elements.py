@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 from belt_fenicsx import compat
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 
 LINE = basix.CellType.interval
 LOBATTO, GAUSS = basix.LagrangeVariant.gll_warped, basix.LagrangeVariant.gl_warped

@@ -18,10 +18,11 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from belt_fenicsx.fields import QUANTITIES, Array, Fields
 from belt_fenicsx.report import as_json
 from belt_fenicsx.scene import SceneError
 from belt_fenicsx.scene_file import scene_from_dict, scene_to_dict
-from belt_fenicsx.solution import QUANTITIES, Array, Check, Contact, Fields, Solution, Stage, Status, Zone
+from belt_fenicsx.solution import Check, Contact, Solution, Stage, Status, Zone
 
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
 PACKAGES = ("belt_fenicsx", "numpy", "scipy", "matplotlib")

@@ -20,7 +20,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from belt_fenicsx import compat, contact, elements, rod
-from belt_fenicsx.solution import Array
+from belt_fenicsx.fields import Array
 
 CONSTANTS = ("a", "b1", "b2", "R", "xc", "H", "mu", "x_trans", "D_given", "force_given")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")

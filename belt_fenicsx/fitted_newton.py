@@ -13,11 +13,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from belt_fenicsx.condensed import Condensed
+from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.newton import set_options
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Array
 from belt_fenicsx.zones import BEFORE, Mesh
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from belt_fenicsx.condensed import local
+from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_state import POINTS, State, tables, uniform
 from belt_fenicsx.scene import RUN_OFF, Scene, Slip
-from belt_fenicsx.solution import Array
 from belt_fenicsx.zones import STICK, Part, Zones, ordered
 
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least

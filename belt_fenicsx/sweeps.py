@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from belt_fenicsx.fields import Array
 from belt_fenicsx.files import replaced
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import with_values
-from belt_fenicsx.solution import Array, Solution, Stage, Status
+from belt_fenicsx.solution import Solution, Stage, Status
 from belt_fenicsx.solver import solve
 from belt_fenicsx.sweep_parts import Parts, key
 from belt_fenicsx.sweep_ranks import OneProcess, Ranks, ranks_of

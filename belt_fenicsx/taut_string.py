@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Pulley, Scene
-from belt_fenicsx.solution import Array
 
 LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
 SLIP_PIECES = 32

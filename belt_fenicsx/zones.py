@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 
 from belt_fenicsx.certificate import SENSE
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip
-from belt_fenicsx.solution import Array
 from belt_fenicsx.taut_string import LEAST_STRAIN
 
 Condition = Literal["tangent", "x", "speed", "hold", "coulomb"]

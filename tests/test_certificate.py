@@ -7,7 +7,8 @@ import pytest
 
 from belt_fenicsx import Scene, bvp
 from belt_fenicsx.certificate import certified, certify
-from belt_fenicsx.solution import Status, simpson_weights
+from belt_fenicsx.fields import simpson_weights
+from belt_fenicsx.solution import Status
 
 pytestmark = pytest.mark.serial
 TOLERANCE = 1e-6

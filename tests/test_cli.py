@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from belt_fenicsx import arguments, cli
+from belt_fenicsx.fields import Fields
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Check, Contact, Fields, Solution, Stage, Status, Zone
+from belt_fenicsx.solution import Check, Contact, Solution, Stage, Status, Zone
 
 serial = pytest.mark.serial
 SCENE = str(Path(__file__).parent.parent / "demos" / "one_pulley.toml")
