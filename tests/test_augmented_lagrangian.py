@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, solve
-from belt_fenicsx.augmented_lagrangian import Penalties
 from belt_fenicsx.augmented_lagrangian import solve as solve_fixed
+from belt_fenicsx.multipliers import Penalties
 
 OMEGA = 1.4807092526223
 
