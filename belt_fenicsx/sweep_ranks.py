@@ -121,7 +121,7 @@ class Ranks:
         if self.rank == 0:
             try:
                 result = call()
-            except Exception as caught:
+            except Exception as caught:  # raised again on all ranks, which would wait for this one
                 error = caught
         self._raise_first(error)
         return self._comm.bcast(result, root=0)
@@ -146,6 +146,6 @@ def _portable(error: BaseException | None) -> BaseException | None:
     """The error itself where it can travel to other ranks, otherwise its name and text."""
     try:
         pickle.loads(pickle.dumps(error))
-    except Exception:
+    except Exception:  # pickle lets through whatever an error's own methods raise
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
