@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import basix
 import numpy as np
 import ufl
-from dolfinx import fem, mesh
+
+if TYPE_CHECKING:
+    from dolfinx import fem, mesh
 
 Array = np.ndarray
 
@@ -33,6 +35,13 @@ def mixed(*elements: Any) -> Any:
     return ufl.MixedElement(list(elements)) if basix_ufl is None else basix_ufl.mixed_element(list(elements))
 
 
+def coordinate_element() -> Any:
+    """Element of the coordinates of an interval."""
+    if basix_ufl is None:
+        return ufl.VectorElement("Lagrange", ufl.interval, 1)
+    return basix_ufl.element("Lagrange", "interval", 1, shape=(1,))
+
+
 def quadrature(degree: int) -> Any:
     """Scalar quadrature element of the default (Gauss) scheme on the interval."""
     if basix_ufl is None:
@@ -42,6 +51,8 @@ def quadrature(degree: int) -> Any:
 
 def function_space(domain: mesh.Mesh, element: Any) -> Any:
     """Function space; the name's spelling changed."""
+    from dolfinx import fem
+
     return fem.functionspace(domain, element) if hasattr(fem, "functionspace") else fem.FunctionSpace(domain, element)
 
 

@@ -30,7 +30,7 @@ class Local:
         p: ``(k,)``.
         f: ``(k,)``.
         sigma: ``(2,)``.
-        D: ``(2,)``.
+        D: ``(1,)``.
     """
 
     r: Array
@@ -45,138 +45,127 @@ class Local:
 def local(degree: int) -> Local:
     """Numbers of a cell's dofs."""
     k = degree
-    ends = np.cumsum([0, 2 * (k + 1), k + 1, k, k, 2, 2])
+    ends = np.cumsum([0, 2 * (k + 1), k + 1, k, k, 2, 1])
     r, theta, p, f, sigma, D = (np.arange(start, end) for start, end in zip(ends[:-1], ends[1:], strict=True))
     return Local(r=r.reshape(-1, 2), theta=theta, p=p, f=f, sigma=sigma, D=D)
 
 
+def width(degree: int) -> int:
+    """Number of a cell's dofs."""
+    return 5 * degree + 6
+
+
 @dataclass(frozen=True)
 class Group:
-    """The c cells of one kind, with h dofs that are eliminated, and v rows and w columns that are left.
+    """The c cells of one kind, with h dofs that are eliminated and u that are left.
 
     Attributes:
-        block: Places in the cells' Jacobians of the eliminated rows and then those that are left, in the columns
-            that are eliminated, then those that are left, then the residual's ``(c, h + v, h + w + 1)``.
-        dofs: Eliminated dofs ``(c, h)``.
-        unknowns: Number of the unknown of each column that is left ``(c, w)``.
-        places: Places of the rows that are left in the matrix of all cells ``(c * v * (w + 1),)``.
+        block: Places, among the Jacobians and residuals of all cells, of rows and columns, first those that are
+            eliminated, and of the residual beside them ``(c, h + u, h + u + 1)``.
+        hidden: Numbers of the unknowns that are eliminated ``(c, h)``.
+        left: Numbers of the unknowns that are left ``(c, u)``.
+        places: Places of what is left in the matrix of all cells with its right-hand side ``(c * u * (u + 1),)``.
     """
 
     block: Array
-    dofs: Array
-    unknowns: Array
+    hidden: Array
+    left: Array
     places: Array
 
 
 class Condensed:
     """Newton steps on one mesh with elements of one degree.
 
+    Unknowns are numbered: first those that are left, of the nodes, tractions, borders and the stretch in stick; then
+    one number for all dofs that are held; then those that are eliminated. An equation has its unknown's number.
+
     Args:
         mesh: Zones and cells.
         degree: Degree k.
-        dofs: Dofs of each cell ``(n, 5 k + 7)``.
         friction: Whether the friction traction is an unknown.
+
+    Attributes:
+        size: Number of unknowns that are left, and the number that stands for dofs that are held.
+        numbers: Number of each cell's dofs ``(n, 5 k + 6)``; for sigma, of the borders at both ends of its zone.
+        cells: Jacobian and residual of each cell, to be filled in ``(n, 5 k + 6, 5 k + 6)`` and ``(n, 5 k + 6)``.
     """
 
-    def __init__(self, mesh: Mesh, degree: int, dofs: Array, friction: bool) -> None:
-        at, (n, width) = local(degree), dofs.shape
-        tractions = [at.p, at.f] if friction else [at.p]
-        kept = degree // 2
-        in_contact = np.flatnonzero(mesh.touches)
-        grip = mesh.ends[mesh.zones.grip]
+    def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
+        at, n, dofs = local(degree), mesh.zone.size, width(degree)
+        self._all = np.empty((n, dofs * (dofs + 1)))
+        self.cells = self._all[:, : dofs * dofs].reshape(n, dofs, dofs), self._all[:, dofs * dofs :]
+        tractions = np.array([at.p, at.f] if friction else [at.p])
+        inner = np.append(at.r[2:], at.theta[2:])
+        left, right = (np.append(at.r[end], at.theta[end]) for end in (0, 1))
+        kept, others = tractions[:, degree // 2], np.delete(tractions, degree // 2, axis=1)
+        free, contact = np.flatnonzero(~mesh.touches), np.flatnonzero(mesh.touches)
 
-        nodes = 3 * (n - 1)
-        fields = nodes + len(tractions) * in_contact.size
-        size = fields + len(mesh.ends) + 1
-        nowhere, rhs = size, size + 1
-        of_node = np.full((n + 1, 3), nowhere)
-        of_node[1:-1] = np.arange(nodes).reshape(-1, 3)
-        of_cell = np.full((n, len(tractions)), nowhere)
-        of_cell[in_contact] = np.arange(nodes, fields).reshape(-1, len(tractions))
-        of_border = np.concatenate([[nowhere], np.arange(fields, size - 1), [nowhere]])
-        row_of_border, row_of_grip = np.full(n + 1, nowhere), np.full(n + 1, nowhere)
-        row_of_border[mesh.ends] = of_border[1:-1]
-        grips = np.arange(mesh.ends[0], mesh.ends[-1] + 1) if mesh.zones.by_force else [grip]
-        row_of_grip[grips] = size - 1
-
-        self.size, self.fields = size, fields
-        self.dofs = np.concatenate(
-            [
-                dofs[1:, np.append(at.r[0], at.theta[0])].ravel(),
-                dofs[in_contact][:, [field[kept] for field in tractions]].ravel(),
-                dofs[mesh.ends, at.sigma[0]],
-                dofs[[grip], at.D[0]],
-            ]
-        )
-        self.grip_dofs = dofs[grips, at.D[0]]
-        self.cell_dofs, self.local = dofs, at
-        self.zone = mesh.zone
+        count = np.cumsum([0, 3 * (n - 1), kept.size * contact.size, mesh.ends.size, 1])
+        nodal, middle, borders = (np.arange(*count[i : i + 2]) for i in range(3))
+        self.size = held = int(count[-1])
+        numbers = self.numbers = np.full((n, dofs), held)
+        numbers[1:, left] = numbers[:-1, right] = nodal.reshape(-1, 3)
+        numbers[np.ix_(contact, kept)] = middle.reshape(-1, kept.size)
+        numbers[:, at.sigma] = np.concatenate([[held], borders, [held]])[mesh.zone[:, None] + [0, 1]]
+        numbers[:, at.D] = held - 1
         self.groups = []
-        for contact in (False, True):
-            cells = np.flatnonzero(mesh.touches == contact)
-            hidden = [at.r[2:].ravel(), at.theta[2:]]
-            left = [np.append(at.r[end], at.theta[end]) for end in (0, 1)]
-            unknowns = [of_node[cells], of_node[cells + 1]]
-            if contact:
-                hidden += [np.delete(field, kept) for field in tractions]
-                left += [[field[kept] for field in tractions]]
-                unknowns += [of_cell[cells]]
-            hidden, left = np.concatenate(hidden), np.concatenate(left)
-            rows = np.concatenate([hidden, left, at.sigma, at.D])
-            columns = np.concatenate([hidden, left, at.sigma, at.D])
-            zone = mesh.zone[cells]
-            scalars = [of_border[zone, None], of_border[zone + 1, None], np.full((cells.size, 1), size - 1)]
-            equations = [rows_of[cells + end, None] for rows_of in (row_of_border, row_of_grip) for end in (0, 1)]
-            equations, unknowns = np.hstack(unknowns + equations), np.hstack(unknowns + scalars)
-            where = np.hstack([unknowns, np.full((cells.size, 1), rhs)])
-            self.groups.append(
-                Group(
-                    block=(cells[:, None, None] * width + rows[:, None]) * width + columns,
-                    dofs=dofs[cells[:, None], hidden],
-                    unknowns=unknowns,
-                    places=(equations[:, :, None] * (size + 2) + where[:, None, :]).ravel(),
-                )
-            )
+        scalars, next_number = np.append(at.sigma, at.D), held + 1
+        for cells, hidden, tied in (
+            (free, inner, np.concatenate([left, right, scalars])),
+            (contact, np.append(inner, others), np.concatenate([left, right, kept, scalars])),
+        ):
+            shape = cells.size, hidden.size
+            numbers[np.ix_(cells, hidden)] = next_number + np.arange(cells.size * hidden.size).reshape(shape)
+            next_number += cells.size * hidden.size
+            self.groups.append(self._group(cells, hidden, tied, dofs))
+        self.count = next_number
         self._places = np.concatenate([group.places for group in self.groups])
+        self._sigma = slice(at.sigma[0], at.sigma[-1] + 1)
+        self._scalars = slice(borders[0], held)
 
-    def step(self, jacobians: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
-        """Solves for the step that takes the linearised residual to zero.
+    def _group(self, cells: Array, hidden: Array, tied: Array, dofs: int) -> Group:
+        rows = np.append(hidden, tied)
+        # A cell's residual stands behind its Jacobian.
+        places = np.column_stack([rows[:, None] * dofs + rows, dofs * dofs + rows])
+        left = self.numbers[np.ix_(cells, tied)]
+        columns = np.column_stack([left, np.full(cells.size, self.size + 1)])
+        return Group(
+            block=(cells * dofs * (dofs + 1))[:, None, None] + places,
+            hidden=self.numbers[np.ix_(cells, hidden)],
+            left=left,
+            places=(left[:, :, None] * (self.size + 2) + columns[:, None, :]).ravel(),
+        )
+
+    def residual_norm(self) -> float:
+        """Norm of the assembled residual."""
+        assembled = np.bincount(self.numbers.ravel(), self.cells[1].ravel(), self.count)
+        assembled[self.size] = 0.0
+        return float(np.linalg.norm(assembled))
+
+    def step(self, weights: Array) -> tuple[Array, Array]:
+        """Solves for the step that takes the linearised residual to zero; the cells' Jacobians are overwritten.
 
         Args:
-            jacobians: Jacobian of each cell ``(n, 5 k + 7, 5 k + 7)``; overwritten.
-            residual: Assembled residual.
             weights: Derivatives of sigma at each cell's ends with respect to the ends of its zone ``(n, 2, 2)``.
 
         Returns:
-            The step, in the order of the residual, and the part of it that are borders and stretch in stick.
+            The step of each cell's dofs ``(n, 5 k + 6)``, and the part of it that are borders and stretch in stick.
         """
-        at, size = self.local, self.size
-        # The columns of sigma and of the stretch in stick become those of the two borders, of the stretch, and the
-        # right-hand side.
-        jacobians[:, :, at.sigma] = jacobians[:, :, at.sigma] @ weights
-        jacobians[:, :, at.D[0]] += jacobians[:, :, at.D[1]]
-        jacobians[:, :, at.D[1]] = residual[self.cell_dofs]
+        (jacobians, _), size, sigma = self.cells, self.size, self._sigma
+        jacobians[:, :, sigma] = jacobians[:, :, sigma] @ weights
         entries, eliminated = [], []
         for group in self.groups:
-            block, h = jacobians.take(group.block), group.dofs.shape[1]
+            block, h = self._all.take(group.block), group.hidden.shape[1]
             solved = np.linalg.solve(block[:, :h, :h], block[:, :h, h:])
-            block[:, h:, -1] = 0.0
             entries.append((block[:, h:, h:] - block[:, h:, :h] @ solved).ravel())
             eliminated.append(solved)
         matrix = np.bincount(self._places, np.concatenate(entries), (size + 1) * (size + 2))
         matrix = matrix.reshape(size + 1, size + 2)[:size]
-        left = residual[self.dofs]
-        left[-1] = residual[self.grip_dofs].sum()
-        unknowns = np.zeros(size + 1)
-        unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1] - left)
-
-        step = np.zeros_like(residual)
+        unknowns = np.zeros(self.count)
+        unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1])
         for group, solved in zip(self.groups, eliminated, strict=True):
-            step[group.dofs] = -(solved[..., :-1] @ unknowns[group.unknowns][..., None])[..., 0] - solved[..., -1]
-        step[self.dofs[: self.fields]] = unknowns[: self.fields]
-        scalars = unknowns[self.fields : size]
-        ends = np.concatenate([[0.0], scalars[:-1], [0.0]])
-        ends = np.column_stack([ends[self.zone], ends[self.zone + 1]])
-        step[self.cell_dofs[:, at.sigma]] = (weights @ ends[..., None])[..., 0]
-        step[self.cell_dofs[:, at.D]] = scalars[-1]
-        return step, scalars
+            left = unknowns[group.left][..., None]
+            unknowns[group.hidden] = -(solved[..., :-1] @ left)[..., 0] - solved[..., -1]
+        step = unknowns[self.numbers]
+        step[:, sigma] = (weights @ step[:, sigma, None])[..., 0]
+        return step, unknowns[self._scalars]

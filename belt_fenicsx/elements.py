@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import basix
-import dolfinx
 import numpy as np
 import ufl
-from dolfinx import fem
 
 from belt_fenicsx import compat
 from belt_fenicsx.fields import Array
@@ -31,6 +28,11 @@ def gauss(count: int) -> Any:
 def one_sided(size: int) -> Any:
     """Discontinuous element with ``size`` components, whose nodes are the cells' ends."""
     return _element(1, LOBATTO, True, size)
+
+
+def line() -> ufl.Mesh:
+    """The interval on which forms are written."""
+    return ufl.Mesh(compat.coordinate_element())
 
 
 def points(degree: int, variant: Any = LOBATTO) -> Array:
@@ -55,8 +57,3 @@ def _element(degree: int, variant: Any, discontinuous: bool, size: int | None) -
         return scalar if size is None else ufl.VectorElement(scalar, dim=size)
     shape = None if size is None else (size,)
     return compat.basix_ufl.element(family, LINE, degree, variant, shape=shape, discontinuous=discontinuous)
-
-
-def assemble_cells(insert: Callable[[Array, Array, Array], int], form: fem.Form) -> None:
-    """Calls ``insert(rows, columns, values)`` for each cell of a bilinear form."""
-    dolfinx.cpp.fem.assemble_matrix(insert, getattr(form, "_cpp_object", form), [])

@@ -28,6 +28,7 @@ from mpi4py import MPI
 
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
+from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, in_pure_stick, meets, starts
 from belt_fenicsx.fitted_state import State, answer, fields, fields_at
@@ -81,7 +82,7 @@ def solve(
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
     dimensionless, units = scene.dimensionless()
-    run = Run(scene, dimensionless, units, elements, tuple(sorted((options or {}).items())))
+    run = Run(scene, dimensionless, units, elements, Newton(options))
     solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
     try:
         state, estimate, change_of_p = found(run, initial, rtol, degree)

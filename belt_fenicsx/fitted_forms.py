@@ -1,6 +1,6 @@
 """The fitted method in UFL: one set of forms for each degree, which serves every scene and every list of zones.
 
-The mesh is of unit cells (eta). Its map to the belt is an unknown like the others: sigma(eta), piecewise linear, whose
+All cells are unit cells (eta). Their map to the belt is an unknown like the others: sigma(eta), piecewise linear, whose
 values at the borders of zones are free. So are the stretch in stick, constant along the belt, and on the pulley the
 pressure p and the friction f. Everything that tells zones and scenes apart is data: constants, and one-sided values
 at the nodes of each cell that switch equations on. The derivative of the residual in the direction of sigma is what
@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import basix
 import numpy as np
 import ufl
-from dolfinx import fem, mesh
-from mpi4py import MPI
 
 from belt_fenicsx import compat, contact, elements, rod
 from belt_fenicsx.fields import Array
+from belt_fenicsx.kernels import Kernel, compiled
 
 CONSTANTS = ("a", "b1", "b2", "R", "xc", "H", "mu", "x_trans", "D_given", "force_given")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
@@ -28,78 +26,51 @@ SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold
 
 @dataclass(frozen=True)
 class Forms:
-    """Compiled forms on a mesh of unit cells, the functions they read, and where their dofs are.
+    """Compiled forms of one cell.
 
-    Each cell's dofs stand in the order r (x, y of each node), theta, p, f, sigma, stretch in stick; each field's in
-    the order left node, right node, inner nodes. p and f live at the Gauss points.
+    Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, stretch in
+    stick; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
+    values of ``SWITCHES`` on both sides of the cell. Their constants are ``CONSTANTS``.
 
     Attributes:
-        degree: Degree k of r and theta.
-        unknown: The function of all unknowns.
-        switches: Values of ``SWITCHES`` on both sides of each cell ``(cells, 2, len(SWITCHES))``.
-        constants: Values of ``CONSTANTS``.
-        F: Residual.
-        J: Its derivative.
-        dofs: Dofs of each cell, from left to right ``(cells, 5 k + 7)``.
+        F: Residual ``(5 k + 6,)``.
+        J: Its derivative ``(5 k + 6, 5 k + 6)``.
     """
 
-    degree: int
-    unknown: fem.Function
-    switches: fem.Function
-    constants: fem.Constant
-    F: fem.Form
-    J: fem.Form
-    dofs: Array
-
-    def residual(self, b: Array) -> None:
-        """Assembles F into ``b``."""
-        b[:] = 0.0
-        fem.assemble_vector(b, self.F)
-
-    def jacobians(self, stack: Array) -> None:
-        """Puts each cell's Jacobian into ``stack`` ``(cells, 5 k + 7, 5 k + 7)``.
-
-        A matrix of PETSc would take several times as long to fill as the Jacobians to compute.
-        """
-        rows = iter(stack.reshape(len(stack), -1))
-
-        def insert(_rows: Array, _columns: Array, values: Array) -> int:
-            next(rows)[:] = values.ravel()
-            return 0
-
-        elements.assemble_cells(insert, self.J)
+    F: Kernel
+    J: Kernel
 
 
 @functools.cache
-def forms(degree: int, cells: int) -> Forms:
-    """The forms of one degree on a mesh of so many cells; made once in a process.
+def forms(degree: int, friction: bool) -> Forms:
+    """The forms of one degree, with or without friction; made once in a process."""
+    F, J = residual_and_jacobian(degree, friction)
+    return Forms(*compiled(F, J))
 
-    A scene is small, so each rank has a mesh of its own and solves all of it.
-    """
-    domain = mesh.create_interval(MPI.COMM_SELF, cells, [0.0, float(cells)])
-    node, traction, linear = elements.lagrange(degree), elements.gauss(degree), elements.lagrange(1)
-    V = compat.function_space(
-        domain, compat.mixed(elements.lagrange(degree, size=2), node, traction, traction, linear, linear)
+
+def residual_and_jacobian(degree: int, friction: bool) -> tuple[ufl.Form, ufl.Form]:
+    """Both forms in UFL."""
+    line, node, traction = elements.line(), elements.lagrange(degree), elements.gauss(degree)
+    mixed = compat.mixed(
+        elements.lagrange(degree, size=2), node, traction, traction, elements.lagrange(1), elements.gauss(1)
     )
-    W = compat.function_space(domain, elements.one_sided(len(SWITCHES)))
-    unknown, switches = fem.Function(V), fem.Function(W)
-    constants = fem.Constant(domain, np.zeros(len(CONSTANTS)))
-    F = residual(unknown, switches, constants, degree)
-    J = ufl.derivative(F, unknown, ufl.TrialFunction(V))
-    # In UFL 2022 the signature of a form, by which its compiled code is found again, depends on what was compiled
-    # before in the same process; unless it was asked for by then.
-    for form in (F, J):
-        form.signature()
-    return Forms(
-        degree=degree, unknown=unknown, switches=switches, constants=constants,
-        F=fem.form(F), J=fem.form(J), dofs=compat.table(V.dofmap.list),
-    )  # fmt: skip
+    V = ufl.FunctionSpace(line, mixed)
+    # Numbered here: UFL would count on in one process, and compiled code is found again by its form's numbers, too.
+    unknown, switches = (
+        ufl.Coefficient(space, count=count)
+        for count, space in enumerate((V, ufl.FunctionSpace(line, elements.one_sided(len(SWITCHES)))))
+    )
+    constants = ufl.Constant(line, shape=(len(CONSTANTS),), count=0)
+    F = residual(unknown, switches, constants, degree, friction)
+    return F, ufl.derivative(F, unknown, ufl.TrialFunction(V))
 
 
-def residual(unknown: fem.Function, switches: fem.Function, constants: fem.Constant, degree: int) -> Any:
+def residual(
+    unknown: ufl.Coefficient, switches: ufl.Coefficient, constants: ufl.Constant, degree: int, friction: bool
+) -> ufl.Form:
     """Weak equilibrium, the pulley's conditions at the Gauss points, and the conditions at the borders."""
     r, theta, p, f, sigma, D_stick = ufl.split(unknown)
-    v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.function_space)
+    v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.ufl_function_space())
     given = dict(zip(CONSTANTS, (constants[i] for i in range(len(CONSTANTS))), strict=True))
     on = dict(zip(SWITCHES, (switches[i] for i in range(len(SWITCHES))), strict=True))
     center = ufl.as_vector([given["xc"], given["H"]])
@@ -117,30 +88,27 @@ def residual(unknown: fem.Function, switches: fem.Function, constants: fem.Const
     D, t = rod.stretch(r, d_sigma), rod.tangent(r, d_sigma)
     n = ufl.as_vector([-t[1], t[0]])
     energy = rod.strain_energy(rod.strains(r, theta, d_sigma), a=given["a"], b1=given["b1"], b2=given["b2"])
-    # Few integrals, each with one integrand: UFL's work for each of them is what a first solve waits for.
+    # Two integrals, each with one integrand: UFL's work for each of them is what a first solve waits for.
     elastic = ufl.derivative(
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
-    gap = contact.penetration(r, radius=given["R"], center=center)
-    coulomb = f + on["sense"] * given["mu"] * p
-    pulley = (
-        v_p * on["touch"] * gap
-        + v_f * (on["stick"] * (D - D_stick) + (on["touch"] - on["stick"]) * coulomb)
-        - ufl.dot(f * t + p * n, v_r) * sigma.dx(0)
-        + v_D * on["force"] * on["touch"] * f * sigma.dx(0)
-    ) * at_gauss_points
-    borders = (
-        v_sigma
-        * (
-            on["tangent"] * ufl.dot(r - center, t)
-            + on["x"] * (r[0] - given["x_trans"])
+    pulley = v_p * on["touch"] * contact.penetration(r, radius=given["R"], center=center)
+    pulley -= ufl.dot(p * n, v_r) * sigma.dx(0)
+    borders = v_sigma * on["tangent"] * ufl.dot(r - center, t)
+    borders += v_D * on["grip"] * (1 - on["force"]) * (D - D_stick)
+    if friction:
+        coulomb = f + on["sense"] * given["mu"] * p
+        pulley += v_f * (on["stick"] * (D - D_stick) + (on["touch"] - on["stick"]) * coulomb)
+        pulley -= ufl.dot(f * t, v_r) * sigma.dx(0)
+        pulley += v_D * on["force"] * on["touch"] * f * sigma.dx(0)
+        borders += v_sigma * (
+            on["x"] * (r[0] - given["x_trans"])
             + on["speed"] * (D_stick - given["D_given"])
             + on["coulomb"] * coulomb
             + on["hold"] * (D - D_stick)
         )
-        + v_D * on["grip"] * ((1 - on["force"]) * (D - D_stick) - on["force"] * given["force_given"])
-    ) * at_nodes
-    return elastic + pulley + borders
+        borders -= v_D * on["grip"] * on["force"] * given["force_given"]
+    return elastic + pulley * at_gauss_points + borders * at_nodes
 
 
 @functools.cache

@@ -13,14 +13,13 @@ import functools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from belt_fenicsx.certificate import SENSE, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array, Fields
-from belt_fenicsx.fitted_newton import newton
+from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import SHORTEST, transition
 from belt_fenicsx.fitted_state import State, fields, from_fields, from_string
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
@@ -58,7 +57,7 @@ class Run:
         scene: The dimensionless scene.
         units: The units of the latter.
         elements: Number of cells; None for as many as the layers call for.
-        options: PETSc options.
+        solver: The solver of Newton's iterations.
         stages: What was done so far.
         since: When the last stage ended.
     """
@@ -66,8 +65,8 @@ class Run:
     asked: Scene
     scene: Scene
     units: Units
-    elements: int | None = None
-    options: tuple[tuple[str, Any], ...] = ()
+    elements: int | None
+    solver: Newton
     stages: list[Stage] = field(default_factory=list)
     since: float = field(default_factory=time.perf_counter)
 
@@ -83,9 +82,7 @@ class Run:
 
     def newton(self, state: State, why: str, *, arrived: float = ARRIVED) -> State:
         """Newton's iteration from a state, with elements of its degree."""
-        friction = self.scene.pulleys[0].friction > 0.0
-        iteration = newton(state.mesh, state.degree, friction, self.options)
-        result, iterations = iteration.solve_scene(self.scene, state, arrived)
+        result, iterations = self.solver.solve(self.scene, state, arrived)
         self.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
             message = f"At degree {state.degree}, after {-iterations} iterations from {why}."

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.condensed import local
+from belt_fenicsx.condensed import local, width
 from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
 from belt_fenicsx.scene import Scene
@@ -28,7 +28,7 @@ class State:
         mesh: Zones and cells.
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
-        values: Unknowns of each cell ``(n, 5 k + 7)``.
+        values: Unknowns of each cell ``(n, 5 k + 6)``.
     """
 
     mesh: Mesh
@@ -71,7 +71,7 @@ class State:
             return self
         old, new = local(self.degree), local(degree)
         nodal, gauss = prolongation(self.degree, degree)
-        values = np.empty((len(self.values), 5 * degree + 7))
+        values = np.empty((len(self.values), width(degree)))
         values[:, new.r] = nodal @ self.values[:, old.r]
         values[:, new.theta] = self.values[:, old.theta] @ nodal.T
         values[:, new.p] = self.values[:, old.p] @ gauss.T
@@ -84,7 +84,7 @@ def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, 
     """Zones divided into cells, without fields."""
     layers = {"bending": bending_layer(scene, strain), "shear": shear_layer(scene, strain)}
     mesh, cells = divided(zones, ends, **layers, elements=elements)
-    values = np.zeros((len(cells), 5 * degree + 7))
+    values = np.zeros((len(cells), width(degree)))
     sigma = ends[mesh.zone, None] + np.diff(ends)[mesh.zone, None] * cells
     sigma[1:, 0] = sigma[:-1, 1]
     values[:, local(degree).sigma] = sigma

@@ -11,8 +11,8 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from belt_fenicsx import compat
+from belt_fenicsx.petsc_options import set_options
 
-PREFIX = "belt_"
 # Measured on two ranks: up to 600 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
 REDUNDANT = 1_000_000
 
@@ -35,22 +35,6 @@ class NewtonError(RuntimeError):
 def reasons(kind: type) -> dict[int, str]:
     """PETSc's names of the reasons to stop."""
     return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
-
-
-def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mapping[str, Any] | None) -> None:
-    """Options of a solver: built-in defaults < the caller's < the command line's.
-
-    The options database is global: what was put there for this solver is taken out again.
-    """
-    database = PETSc.Options()
-    wanted = {PREFIX + key: value for key, value in {**defaults, **(options or {})}.items()}
-    added = [key for key in wanted if not database.hasName(key)]
-    for key in added:
-        database[key] = wanted[key]
-    solver.setOptionsPrefix(PREFIX)
-    solver.setFromOptions()
-    for key in added:
-        database.delValue(key)
 
 
 def factorisation(ranks: int, size: int) -> dict[str, str]:

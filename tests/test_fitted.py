@@ -16,8 +16,8 @@ pytest.importorskip("dolfinx")
 
 from belt_fenicsx import bvp, fitted, fitted_forms  # noqa: E402
 from belt_fenicsx.condensed import Condensed, local  # noqa: E402
-from belt_fenicsx.fitted_forms import SWITCHES, forms, lagrange_basis, points  # noqa: E402
-from belt_fenicsx.fitted_newton import Newton, newton, switches  # noqa: E402
+from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points  # noqa: E402
+from belt_fenicsx.fitted_newton import Newton, iteration_on, switches  # noqa: E402
 from belt_fenicsx.fitted_state import fields_at, from_string  # noqa: E402
 from belt_fenicsx.sweeps import sweep  # noqa: E402
 from belt_fenicsx.taut_string import taut_string  # noqa: E402
@@ -33,6 +33,12 @@ def scene(belt=None, **pulley):
 def started(case=None, degree=3):
     dimensionless, _ = (case or Scene()).dimensionless()
     return dimensionless, from_string(dimensionless, taut_string(dimensionless), posed(dimensionless), degree)
+
+
+def iterated(dimensionless, state):
+    """The iteration after it has converged from a state."""
+    Newton(None).solve(dimensionless, state, 1e-3)
+    return iteration_on(state.mesh, state.degree, dimensionless.pulleys[0].friction > 0.0)
 
 
 def test_sources_scene():
@@ -243,20 +249,22 @@ def test_warm_start_from_other_zones_starts_afresh():
 def test_sweep_compiles_nothing_after_its_first_scene(monkeypatch):
     fitted.solve(Scene())
     made = []
-    monkeypatch.setattr(fitted_forms.fem, "form", lambda *args, **kwargs: made.append(args))
-    table = sweep(Scene(), over="pulleys.0.x_trans", values=(-0.004, -0.002, 0.0, 0.002, 0.004))
+    monkeypatch.setattr(fitted_forms, "compiled", lambda *forms: made.append(forms))
+    table = sweep(Scene(), over="pulleys.0.x_trans", values=np.linspace(-0.2, 0.2, 5))
     assert table.success and not made
     assert np.all(table["error_estimate"] <= 1e-8)
     assert table["omega"][2] == pytest.approx(OMEGA, rel=1e-8)
 
 
-def test_frictionless_belt_has_no_friction_unknowns():
+def test_frictionless_belt_has_no_friction_unknowns_and_no_friction_in_its_forms():
     dimensionless, state = started(scene(friction=0.0))
-    dofs = forms(3, len(state.cells)).dofs
-    without, with_friction = (Condensed(state.mesh, 3, dofs, friction) for friction in (False, True))
-    assert without.size < with_friction.size
-    friction = set(dofs[:, local(3).f].ravel())
-    assert not any(friction & set(group.dofs.ravel()) for group in without.groups)
+    without, with_friction = (Condensed(state.mesh, 3, friction) for friction in (False, True))
+    assert without.count < with_friction.count
+    assert np.all(without.numbers[:, local(3).f] == without.size)
+    iteration = iterated(dimensionless, state)
+    iteration.jacobians()
+    jacobians, _ = iteration.condensed.cells
+    assert not jacobians[:, local(3).f].any() and not jacobians[:, :, local(3).f].any()
     solution = fitted.solve(scene(friction=0.0))
     assert np.all(solution.fields.f == 0.0) and solution.contacts[0].torque == 0.0
 
@@ -316,73 +324,57 @@ def test_petsc_options_reach_snes():
     assert max(stage.iterations or 0 for stage in limited.stages if stage.name.startswith("degree")) == 1
 
 
-def test_no_step_lets_borders_cross():
+def test_no_step_lets_borders_cross(monkeypatch):
     dimensionless, state = started(scene(x_trans=0.2), degree=3)
-    iteration = Newton(state.mesh, 3, True, None)
-    seen = []
-    plain = iteration.forms.residual
+    iteration = iteration_on(state.mesh, 3, True)
+    seen, residuals = [], iteration.residuals
 
-    def watched(b):
-        seen.append(np.diff(iteration.forms.unknown.x.array[iteration.condensed.dofs[-4:-1]]).min())
-        plain(b)
+    def watched():
+        seen.append(np.diff(iteration.values[:, local(3).sigma]).min())
+        residuals()
 
-    object.__setattr__(iteration.forms, "residual", watched)
-    try:
-        iteration.solve_scene(dimensionless, state, 1e-6)
-    finally:
-        object.__delattr__(iteration.forms, "residual")
+    monkeypatch.setattr(iteration, "residuals", watched)
+    Newton(None).solve(dimensionless, state, 1e-6)
     assert min(seen) > 0.0
 
 
 @pytest.mark.parametrize("degree", [3, 6])
 def test_step_solves_the_linearised_equations(degree):
-    """The step of the condensed matrix against that of the whole one, made from the same cells."""
     dimensionless, state = started(degree=degree)
-    iteration = newton(state.mesh, degree, True, ())
-    state, _ = iteration.solve_scene(dimensionless, state, 1e-3)
-    forms_, condensed, at = iteration.forms, iteration.condensed, local(degree)
-    size = forms_.unknown.x.array.size
-    b, stack = np.empty(size), np.empty_like(iteration._jacobians)
-    forms_.unknown.x.array[:] += 1e-4 * np.sin(np.arange(size))
-    forms_.residual(b)
-    forms_.jacobians(stack)
-    whole = np.zeros((size, size))
-    for dofs, cell in zip(forms_.dofs, stack, strict=True):
-        whole[np.ix_(dofs, dofs)] += cell
-    weights = np.stack([1.0 - state.cells, state.cells], axis=2)
-    step, _ = condensed.step(stack.copy(), b, weights)
-    left = whole @ step + b
-    solved = np.concatenate([condensed.dofs, *(group.dofs.ravel() for group in condensed.groups)])
-    assert np.abs(left[solved]).max() < 1e-9 * max(1.0, np.abs(whole).max() * np.abs(step).max())
-    held = forms_.dofs[[0, -1]][[0, 0, 0, 1, 1, 1], [*at.r[0], at.theta[0], *at.r[1], at.theta[1]]]
-    assert np.all(step[held] == 0.0)
+    iteration = iterated(dimensionless, state)
+    condensed, at = iteration.condensed, local(degree)
+    iteration.values += 1e-4 * np.sin(np.arange(condensed.numbers.max() + 1.0))[condensed.numbers]
+    iteration.residuals()
+    iteration.jacobians()
+    jacobians, residuals = (cells.copy() for cells in condensed.cells)
+    step, _ = condensed.step(np.stack([1.0 - state.cells, state.cells], axis=2))
+    left = np.zeros(condensed.count)
+    np.add.at(left, condensed.numbers, (jacobians @ step[..., None])[..., 0] + residuals)
+    left[condensed.size] = 0.0
+    assert np.abs(left).max() < 1e-9 * max(1.0, np.abs(jacobians).max() * np.abs(step).max())
+    assert not step[0, [*at.r[0], at.theta[0]]].any() and not step[-1, [*at.r[1], at.theta[1]]].any()
+    np.testing.assert_array_equal(step[1:, at.sigma[0]], step[:-1, at.sigma[1]])
 
 
 def test_jacobian_is_the_residuals_derivative():
     dimensionless, state = started()
-    iteration = newton(state.mesh, 3, True, ())
-    iteration.solve_scene(dimensionless, state, 1e-3)
-    forms_ = iteration.forms
-    u, direction = forms_.unknown.x.array, np.cos(np.arange(forms_.unknown.x.array.size))
-    stack, plus, minus = np.empty_like(iteration._jacobians), np.empty_like(u), np.empty_like(u)
-    forms_.jacobians(stack)
-    exact = np.zeros_like(u)
-    for dofs, cell in zip(forms_.dofs, stack, strict=True):
-        exact[dofs] += cell @ direction[dofs]
-    start, h = u.copy(), 1e-6
-    u[:] = start + h * direction
-    forms_.residual(plus)
-    u[:] = start - h * direction
-    forms_.residual(minus)
-    np.testing.assert_allclose((plus - minus) / (2 * h), exact, atol=1e-6 * np.abs(exact).max())
+    iteration = iterated(dimensionless, state)
+    iteration.jacobians()
+    (jacobians, residuals), u, h = iteration.condensed.cells, iteration.values, 1e-6
+    direction = np.cos(np.arange(u.size)).reshape(u.shape)
+    exact, start, both = (jacobians @ direction[..., None])[..., 0], u.copy(), []
+    for sign in (1.0, -1.0):
+        u[:] = start + sign * h * direction
+        iteration.residuals()
+        both.append(residuals.copy())
+    np.testing.assert_allclose((both[0] - both[1]) / (2 * h), exact, atol=1e-6 * np.abs(exact).max())
 
 
-def test_cells_lie_in_the_direction_of_travel():
-    nodes = forms(3, 12).unknown.function_space.mesh.geometry.x[:, 0]
-    np.testing.assert_allclose(np.sort(nodes), np.arange(13))
-    dofs, at = forms(3, 12).dofs, local(3)
-    np.testing.assert_array_equal(dofs[1:, at.r[0]], dofs[:-1, at.r[1]])
-    np.testing.assert_array_equal(dofs[1:, at.sigma[0]], dofs[:-1, at.sigma[1]])
+def test_neighbours_share_their_node():
+    _, state = started()
+    numbers, at = Condensed(state.mesh, 3, True).numbers, local(3)
+    for field in (at.r, at.theta):
+        np.testing.assert_array_equal(numbers[1:, field[0]], numbers[:-1, field[1]])
 
 
 def test_switches_say_where_each_border_condition_holds():
@@ -408,10 +400,10 @@ def test_lagrange_polynomials(degree):
 
 
 @pytest.mark.serial
-def test_no_scipy_and_no_matplotlib_is_loaded():
+def test_nothing_is_loaded_that_is_not_needed():
     code = (
-        "import sys, dolfinx, dolfinx.fem.petsc; before = 'scipy' in sys.modules\n"
+        "import sys, ufl, basix, ffcx.codegeneration.jit, petsc4py.PETSc; before = 'scipy' in sys.modules\n"
         "from belt_fenicsx import fitted, scene; fitted.solve(scene.Scene())\n"
-        "assert before or 'scipy' not in sys.modules; assert 'matplotlib' not in sys.modules"
+        "assert before or 'scipy' not in sys.modules; assert not {'matplotlib', 'dolfinx'} & {*sys.modules}"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,72 @@
+"""Compiled forms, called cell by cell.
+
+Where all cells are alike, a form needs neither a mesh nor functions: UFL's interval and FFCx, which turns a form into
+the C function of one cell, are enough. The rest of DOLFINx is made for larger things: loading it, setting up its spaces
+and calling its assemblers would take most of the time of a small solve.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import ufl
+from ffcx.codegeneration import jit
+
+from belt_fenicsx.fields import Array
+
+COMPILER_FLAGS = ["-O2", "-g0"]
+PATIENCE = 120  # seconds, for another process that compiles the same forms
+UNIT_CELL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+
+
+class Kernel:
+    """The C function of a form's cell integral.
+
+    Args:
+        form: The compiled form.
+        ffi: The interface to it.
+    """
+
+    def __init__(self, form: Any, ffi: Any) -> None:
+        cell_integrals = form.form_integrals if hasattr(form, "form_integrals") else form.integrals(0)
+        self._tabulate, self._ffi = cell_integrals[0].tabulate_tensor_float64, ffi
+        # Facets and permutations, of which a cell integral has none.
+        self._others = [ffi.NULL] * (len(ffi.typeof(self._tabulate).args) - 4)
+
+    def on(self, tensors: Array, coefficients: Array, constants: Array) -> Callable[[], None]:
+        """A function that computes the integral over each cell.
+
+        Args:
+            tensors: Where it puts the results, one cell in a row.
+            coefficients: Values of all coefficients, one cell in a row.
+            constants: Values of the constants.
+        """
+        tabulate = self._tabulate
+        shared = (self._pointer(constants), self._pointer(UNIT_CELL), *self._others)
+        cells = [
+            (self._pointer(tensor), self._pointer(values), *shared)
+            for tensor, values in zip(tensors, coefficients, strict=True)
+        ]
+
+        def compute() -> None:
+            tensors.fill(0.0)
+            for arguments in cells:
+                tabulate(*arguments)
+
+        return compute
+
+    def _pointer(self, values: Array) -> Any:
+        return self._ffi.from_buffer("double[]", values)
+
+
+def compiled(*forms: ufl.Form) -> tuple[Kernel, ...]:
+    """Compiles forms together, or finds them compiled where DOLFINx keeps its own."""
+    cache = Path(os.getenv("XDG_CACHE_HOME", Path.home() / ".cache")).expanduser() / "fenics"
+    compiled_forms, module, _ = jit.compile_forms(
+        list(forms), cache_dir=cache, timeout=PATIENCE, cffi_extra_compile_args=COMPILER_FLAGS
+    )
+    return tuple(Kernel(form, module.ffi) for form in compiled_forms)
