@@ -82,7 +82,22 @@ def solve(
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
     dimensionless, units = scene.dimensionless()
-    run = Run(scene, dimensionless, units, elements, Newton(options))
+    with contextlib.closing(Newton(options)) as newton:
+        run = Run(scene, dimensionless, units, elements, newton)
+        solution = solved(run, initial, rtol, degree)
+        if not solution.success:
+            with contextlib.suppress(Stopped):
+                in_pure_stick(run)
+    return finish(solution, throw=throw)
+
+
+def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> Solution:
+    """The solution with its certificate, or what there is of it.
+
+    Raises:
+        SceneError: The transition lies outside of the contact.
+    """
+    scene = run.asked
     solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
     try:
         state, estimate, change_of_p = found(run, initial, rtol, degree)
@@ -93,21 +108,18 @@ def solve(
             error_estimate=estimate,
             measures={"change of p": change_of_p},
             state=state,
-            evaluator=functools.partial(fields_at, dimensionless, state),
-            **answer(dimensionless, state),
-        ).in_units(scene, units)
+            evaluator=functools.partial(fields_at, run.scene, state),
+            **answer(run.scene, state),
+        ).in_units(scene, run.units)
         run.ran("answer", "fields between the nodes")
     except Stopped as stopped:
         solution = replace(solution, status=stopped.status, message=stopped.message)
     iterations = sum(stage.iterations or 0 for stage in run.stages)
     solution = replace(solution, stages=tuple(run.stages), iterations=iterations)
-    if solution.fields is not None:
-        check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
-        solution = certified(solution, tolerance=TOLERANCE)
-    if not solution.success:
-        with contextlib.suppress(Stopped):
-            in_pure_stick(run)
-    return finish(solution, throw=throw)
+    if solution.fields is None:
+        return solution
+    check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
+    return certified(solution, tolerance=TOLERANCE)
 
 
 def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> tuple[State, float, float]:

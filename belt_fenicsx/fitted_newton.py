@@ -104,14 +104,22 @@ def iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
 
 
 class Newton:
-    """SNES for the solves of one scene."""
+    """SNES for the solves of one scene.
+
+    It is to be closed: petsc4py would keep it until PETSc ends, when its iteration, which is in Python, is gone.
+    """
 
     def __init__(self, options: Mapping[str, Any] | None) -> None:
-        self._x, F = (PETSc.Vec().createSeq(1, comm=PETSc.COMM_SELF) for _ in range(2))
+        self._x, self._b = (PETSc.Vec().createSeq(1, comm=PETSc.COMM_SELF) for _ in range(2))
         self.snes = PETSc.SNES().create(PETSc.COMM_SELF)
         self.snes.setType("python")
-        self.snes.setFunction(lambda *_: None, F)
+        self.snes.setFunction(lambda *_: None, self._b)
         set_options(self.snes, {"snes_max_it": 30}, options)
+
+    def close(self) -> None:
+        """Destroys what PETSc holds."""
+        for held in (self.snes, self._x, self._b):
+            held.destroy()
 
     def solve(self, scene: Scene, start: State, arrived: float) -> tuple[State, int]:
         """Iterates until a step is smaller than ``arrived``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 from dataclasses import replace
@@ -37,7 +38,8 @@ def started(case=None, degree=3):
 
 def iterated(dimensionless, state):
     """The iteration after it has converged from a state."""
-    Newton(None).solve(dimensionless, state, 1e-3)
+    with contextlib.closing(Newton(None)) as newton:
+        newton.solve(dimensionless, state, 1e-3)
     return iteration_on(state.mesh, state.degree, dimensionless.pulleys[0].friction > 0.0)
 
 
@@ -334,7 +336,8 @@ def test_no_step_lets_borders_cross(monkeypatch):
         residuals()
 
     monkeypatch.setattr(iteration, "residuals", watched)
-    Newton(None).solve(dimensionless, state, 1e-6)
+    with contextlib.closing(Newton(None)) as newton:
+        newton.solve(dimensionless, state, 1e-6)
     assert min(seen) > 0.0
 
 
