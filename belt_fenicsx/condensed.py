@@ -139,13 +139,14 @@ class Condensed:
             )
         self._places = np.concatenate([group.places for group in self.groups])
 
-    def step(self, jacobians: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+    def step(self, jacobians: Array, residual: Array, weights: Array, *, held: bool = False) -> tuple[Array, Array]:
         """Solves for the step that takes the linearised residual to zero.
 
         Args:
             jacobians: Jacobian of each cell ``(n, 5 k + 7, 5 k + 7)``; overwritten.
             residual: Assembled residual.
             weights: Derivatives of sigma at each cell's ends with respect to the ends of its zone ``(n, 2, 2)``.
+            held: Whether the borders stay where they are, whatever their conditions say.
 
         Returns:
             The step, in the order of the residual, and the part of it that are borders and stretch in stick.
@@ -167,6 +168,9 @@ class Condensed:
         matrix = matrix.reshape(size + 1, size + 2)[:size]
         left = residual[self.dofs]
         left[-1] = residual[self.grip_dofs].sum()
+        if held:
+            borders = slice(self.fields, size - 1)
+            matrix[borders], left[borders] = np.eye(size - 1 - self.fields, size + 2, self.fields), 0.0
         unknowns = np.zeros(size + 1)
         unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1] - left)
 

@@ -30,7 +30,7 @@ from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_order import change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, in_pure_stick, meets, starts
-from belt_fenicsx.fitted_state import State, answer, fields, fields_at
+from belt_fenicsx.fitted_state import State, answer, fields_at
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
 
@@ -170,15 +170,14 @@ def reviewed(run: Run, state: State, error: float) -> State:
         if called is None:
             run.skipped("other zones", "Coulomb's bound holds in stick, and the sense of sliding in slip")
             return state
-        old = fields(run.scene, state)
-        state = run.on(called.zones, called.ends, old, called.why, degree=state.degree)
+        state = run.on(called.zones, called.ends, state, called.why, degree=state.degree)
     return state
 
 
 def finer(run: Run, state: State) -> State:
     """The same zones with twice as many cells, at the lowest degree."""
     run.elements = 2 * len(state.cells)
-    return run.on(state.mesh.zones, state.ends, fields(run.scene, state), "an error that no degree made small enough")
+    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough")
 
 
 def rounding(state: State) -> float:

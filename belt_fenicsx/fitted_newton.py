@@ -14,13 +14,14 @@ from petsc4py import PETSc
 
 from belt_fenicsx.condensed import Condensed
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms
+from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.newton import set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
+SETTLED = 0.1  # of the same, that the last step may take
 
 
 class Newton:
@@ -41,6 +42,7 @@ class Newton:
         self._b = np.empty_like(self._u)
         self._switches = switches(mesh).ravel()
         self._weights = np.empty((n, 2, 2))
+        self._nodes = np.split(self.forms.dofs[:, self.condensed.local.r], mesh.ends[[0, -1]])
         self._x, F = (PETSc.Vec().createSeq(self._u.size, comm=MPI.COMM_SELF) for _ in range(2))
         self.snes = snes = PETSc.SNES().create(MPI.COMM_SELF)
         snes.setType("python")
@@ -48,14 +50,20 @@ class Newton:
         snes.setFunction(lambda *_: None, F)
         set_options(snes, {"snes_max_it": 30}, options)
 
-    def solve_scene(self, scene: Scene, start: State, arrived: float) -> tuple[State, int]:
-        """Iterates until a step is smaller than ``arrived``.
+    def solve_scene(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
+        """Iterates until a step is smaller than ``arrived``, and small against the zones that it shortens.
+
+        Args:
+            scene: The dimensionless scene.
+            start: Where it starts.
+            arrived: Largest step of a border, or of the stretch in stick.
+            held: Whether the first step holds the borders, so that all others know the forces that move them.
 
         Returns:
             The new state, and the number of iterations; negative where they did not converge.
         """
         self._scene_data(scene, start)
-        self._arrived = arrived
+        self._arrived, self._held = arrived, held
         self._u[self.forms.dofs] = start.values
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()
@@ -70,30 +78,50 @@ class Newton:
             self.forms.residual(self._b)
             snes.monitor(iteration, float(np.linalg.norm(self._b)))
             self.forms.jacobians(self._jacobians)
-            step, change = self._step()
-            self._u += step
+            held = self._held and iteration == 0
+            try:
+                step, change, shortening = self._step(held)
+            except np.linalg.LinAlgError:
+                change = math.nan
             snes.setIterationNumber(iteration + 1)
             if not math.isfinite(change):
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
-            if change <= self._arrived:
+            self._u += step
+            self._onto_pulley()
+            if change <= self._arrived and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
         snes.setConvergedReason(reason)
 
-    def _step(self) -> tuple[Array, float]:
+    def _step(self, held: bool) -> tuple[Array, float, float]:
         """Newton's step, shortened where a border would come too close to the next one.
 
         Returns:
-            The step, and the largest change of a border or of the stretch in stick by the full one.
+            The step, the largest change of a border or of the stretch in stick by the full one, and the largest part
+            that it takes from a zone.
         """
-        step, scalars = self.condensed.step(self._jacobians, self._b, self._weights)
+        step, scalars = self.condensed.step(self._jacobians, self._b, self._weights, held=held)
         sigma_dofs = self.forms.dofs[:, self.condensed.local.sigma]
         ends, moved = self._u[sigma_dofs], step[sigma_dofs]
-        shrinking = float(np.max((moved[:, 0] - moved[:, 1]) / (ends[:, 1] - ends[:, 0])))
-        if shrinking > LARGEST_STEP:
-            step *= LARGEST_STEP / shrinking
-        return step, float(np.abs(scalars).max())
+        shortening = float(np.max((moved[:, 0] - moved[:, 1]) / (ends[:, 1] - ends[:, 0])))
+        if shortening > LARGEST_STEP:
+            step *= LARGEST_STEP / shortening
+        return step, float(np.abs(scalars).max()), shortening
+
+    def _onto_pulley(self) -> None:
+        """Brings the nodes in contact back to the pulley, and those of the free zones along with its ends.
+
+        A straight step leaves the circle by the square of its length. Where a border moves through a short zone, the
+        pressure and the friction that would take it back are those of a kinked belt, and by them the next step would
+        place the border.
+        """
+        (before, touching, after), (center, radius) = self._nodes, self._circle
+        arm = self._u[touching] - center
+        back = arm * (radius / np.sqrt((arm**2).sum(axis=2, keepdims=True)) - 1.0)
+        self._u[before] += self._along[0] * back[0, 0]
+        self._u[after] += self._along[1] * back[-1, 1]
+        self._u[touching] = center + arm + back
 
     def _scene_data(self, scene: Scene, state: State) -> None:
         belt, pulley = scene.belt, scene.pulleys[0]
@@ -107,6 +135,11 @@ class Newton:
         self.forms.constants.value[:] = [values[name] for name in CONSTANTS]
         self.forms.switches.x.array[:] = self._switches
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
+        self._circle = np.array(pulley.center), pulley.radius
+        # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
+        place = state.cells[:, :1] + np.diff(state.cells) * points(state.degree)[0]
+        before, _, after = np.split(place[..., None], state.mesh.ends[[0, -1]])
+        self._along = before**2, (1.0 - after) ** 2
 
 
 @functools.lru_cache(maxsize=64)

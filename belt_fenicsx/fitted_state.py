@@ -129,32 +129,42 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
 
 
 def from_fields(
-    scene: Scene, old: Fields, zones: Zones, ends: Array, degree: int, elements: int | None = None
+    scene: Scene, old: Fields | State, zones: Zones, ends: Array, degree: int, elements: int | None = None
 ) -> State:
     """The fields of another solution on other zones, for a scene that may be another one.
 
     Args:
         scene: The dimensionless scene.
-        old: The dimensionless fields of the other solution.
+        old: The dimensionless fields of the other solution; its state where it is one of this method, so that nothing
+            is lost between points.
         zones: The zones.
         ends: Ends of the zones ``(z + 1,)``.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    D_stick = float(old.D[0] - old.v_rel[0])
+    D_stick = old.D_stick if isinstance(old, State) else float(old.D[0] - old.v_rel[0])
     state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
     at, (nodes, gauss), sigma = local(degree), points(degree), state.sigma
     values, parts, zone = state.values, zones.parts, state.mesh.zone
     at_nodes, at_gauss = (sigma[:, :1] + np.diff(sigma) * inside for inside in (nodes, gauss))
-    values[:, at.r] = np.stack([np.interp(at_nodes, old.sigma, x) for x in old.r.T], axis=2)
-    values[:, at.theta] = np.interp(at_nodes, old.sigma, old.theta)
-    p = np.interp(at_gauss, old.sigma, old.p)
+    values[:, at.r], values[:, at.theta] = _read(old, at_nodes)[:2]
+    p, f = _read(old, at_gauss)[2:]
     sense = np.array([part.sense for part in parts])[zone, None]
     sticks = np.array([part == STICK for part in parts])[zone, None]
     values[:, at.p] = state.mesh.touches[:, None] * p
-    values[:, at.f] = np.where(sticks, np.interp(at_gauss, old.sigma, old.f), -sense * scene.pulleys[0].friction * p)
+    values[:, at.f] = np.where(sticks, f, -sense * scene.pulleys[0].friction * p)
     values[:, at.D] = D_stick
     return _clamped(scene, state)
+
+
+def _read(old: Fields | State, sigma: Array) -> tuple[Array, Array, Array, Array]:
+    """r, theta, p and f at points ``(n, m)``."""
+    if isinstance(old, State):
+        columns = nodal_and_tractions(old, *_located(old, sigma.ravel()))
+        r, theta, p, f = (column.reshape(*sigma.shape, *column.shape[1:]) for column in columns)
+        return r, theta, p, f
+    r = np.stack([np.interp(sigma, old.sigma, x) for x in old.r.T], axis=2)
+    return r, *(np.interp(sigma, old.sigma, field) for field in (old.theta, old.p, old.f))
 
 
 def _located(state: State, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
