@@ -16,7 +16,6 @@ estimate of the error that it leaves.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 from collections.abc import Mapping
@@ -29,9 +28,9 @@ from mpi4py import MPI
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_order import change
-from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, in_pure_stick, meets, starts
+from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, meets, starts
 from belt_fenicsx.fitted_state import State, answer, fields_at
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
 
 METHOD = "fitted"
@@ -104,8 +103,7 @@ def solve(
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=TOLERANCE)
     if not solution.success:
-        with contextlib.suppress(Stopped):
-            in_pure_stick(run)
+        check_limits(scene)
     return finish(solution, throw=throw)
 
 
@@ -127,8 +125,30 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
         except Stopped as stopped:
             if stopped.status is not Status.NEWTON_DIVERGED:
                 raise
+            if failure is None:
+                check_limits(run.asked)
             failure = failure or stopped
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
+
+
+def check_limits(scene: Scene) -> None:
+    """Checks that the transition lies where stick can end: between where it does in pure slip and in pure stick.
+
+    Raises:
+        SceneError: It does not.
+    """
+    pulley = scene.pulleys[0]
+    if pulley.x_trans is None or isinstance(pulley.x_trans, str):
+        return
+    limits = [
+        solve(replace(scene, pulleys=(replace(pulley, x_trans=limit),)), rtol=1e-6, throw=False)
+        for limit in (RUN_UP, RUN_OFF)
+    ]
+    if all(limit.success for limit in limits):
+        first, last = (limit.contacts[0].x_trans for limit in limits)
+        if not first < pulley.x_trans < last:
+            where = f"lie where stick can end in the contact zone, in ({first:.6g}, {last:.6g}) [m]"
+            raise SceneError("pulleys.0.x_trans", where, pulley.x_trans)
 
 
 def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[State, float, float]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.certificate import SENSE, check_transition
+from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_newton import newton
@@ -168,22 +168,19 @@ def _fits(scene: Scene, contact: list[Part]) -> bool:
 
 def _from_pure_stick(run: Run) -> State:
     stick = in_pure_stick(run)
-    place = float(np.interp(run.scene.pulleys[0].x_trans, *stick.nodes.T[::-1]))
+    _, up, off, _ = stick.ends
+    margin = (1.0 - NEARLY) * (off - up)
+    place = np.clip(np.interp(run.scene.pulleys[0].x_trans, *stick.nodes.T[::-1]), up + margin, off - margin)
     return run.on(posed(run.scene), np.insert(stick.ends, 2, place), stick, "pure stick")
 
 
 def in_pure_stick(run: Run) -> State:
-    """The belt that sticks all along the contact.
-
-    Raises:
-        SceneError: The scene's transition lies outside of this contact.
-    """
+    """The belt that sticks all along the contact."""
     pure = run.driven_by(RUN_OFF)
     stick = _first(pure, [_from_string, _bent, _from_softer])
     _, up, off, _ = stick.ends
     if off - up < SHORTEST or stick.values[:, local(LOWEST).p].min() < 0.0:
         raise Stopped(Status.NEWTON_DIVERGED, "Pure stick was not found from the taut string.")
-    check_transition(run.asked, *(np.interp(stick.ends[1:3], *stick.nodes.T) * run.units.length))
     return stick
 
 

@@ -271,13 +271,11 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
             mesh.zones.parts, sigma[first, 0], sigma[last, 1], x[first, 0], x[last, 1], strict=True
         )
     )
-    kinds = [zone.kind for zone in zones]
-    stick = kinds.index("stick") if "stick" in kinds else 0
     up, off = (values[cell, at.r[end]] - pulley.center for cell, end in ((first[1], 0), (last[-2], 1)))
     contact = Contact(
         omega=_pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],
-        x_trans=zones[stick].x[1],
+        x_trans=zones[mesh.zones.transition].x[1],
         x_off=zones[-1].x[0],
         torque=-pulley.radius * state.friction_force,
         wrap_angle=math.atan2(up[1], up[0]) - math.atan2(off[1], off[0]),
