@@ -29,7 +29,7 @@ from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_order import change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, meets, starts
-from belt_fenicsx.fitted_state import State, answer, fields_at
+from belt_fenicsx.fitted_state import State, answer, fields_at, pulley_speed
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
 
@@ -40,6 +40,7 @@ LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it
 # next, the error fell by factors of 7 to 1000.
 LEFT = 1 / 4
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
+BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
 MOST_CHANGES = 6  # of the order of zones
@@ -145,10 +146,21 @@ def check_limits(scene: Scene) -> None:
         for limit in (RUN_UP, RUN_OFF)
     ]
     if all(limit.success for limit in limits):
-        first, last = (limit.contacts[0].x_trans for limit in limits)
+        first, last = nearest_to_stick(limits[0]), limits[1].contacts[0].x_trans
         if not first < pulley.x_trans < last:
             where = f"lie where stick can end in the contact zone, in ({first:.6g}, {last:.6g}) [m]"
             raise SceneError("pulleys.0.x_trans", where, pulley.x_trans)
+
+
+def nearest_to_stick(slid: Solution) -> float:
+    """Where the transition goes when sliding spreads over the contact: to the place where it is slowest.
+
+    Next to the run-off, where sliding turns instead, the transition does not get; then it goes to the run-up.
+    """
+    (contact,), fields = slid.contacts, slid.fields
+    sliding = fields.zone == 1
+    place = float(fields.x[sliding][np.argmin(np.abs(fields.v_rel[sliding]))])
+    return place if place < (contact.x_up + contact.x_off) / 2 else contact.x_up
 
 
 def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[State, float, float]:
@@ -174,12 +186,14 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         estimate = max(LEFT * abs(1.0 - _known(run.scene, state) / _known(run.scene, higher)), rounding(higher))
         state = higher
         if k == LOWEST + 2 or (change_of_p <= COARSEST and not judged):
-            judged, state = change_of_p <= COARSEST, reviewed(run, higher, change_of_p)
+            judged, state = change_of_p <= COARSEST, reviewed(run, higher, max(BREACH, change_of_p))
             if state.mesh.zones != higher.mesh.zones:
                 continue
         known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
         if k >= last and (known or k == degree):
-            break
+            state = reviewed(run, higher, max(TOLERANCE, change_of_p)) if k < (degree or HIGHEST) else higher
+            if state.mesh.zones == higher.mesh.zones:
+                break
     return state, estimate, change_of_p
 
 
@@ -208,4 +222,4 @@ def rounding(state: State) -> float:
 
 def _known(scene: Scene, state: State) -> float:
     """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return state.D_stick - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)

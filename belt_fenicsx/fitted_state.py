@@ -18,6 +18,7 @@ from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
 
 POINTS = 17  # of the fields, in each cell
+CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,14 @@ def nodal_and_tractions(state: State, cell: Array, xi: Array) -> tuple[Array, Ar
     return r, theta, p, f
 
 
+def _slopes(state: State, cell: Array, xi: Array) -> tuple[Array, Array]:
+    """Derivatives of r and theta at points ``xi`` of cells."""
+    at, slopes = local(state.degree), lagrange_basis(points(state.degree)[0], xi)[1]
+    length, values = (state.sigma[:, 1] - state.sigma[:, 0])[cell], state.values[cell]
+    dr = np.einsum("mi,mic->mc", slopes, values[:, at.r]) / length[:, None]
+    return dr, np.einsum("mi,mi->m", slopes, values[:, at.theta]) / length
+
+
 def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
     """Fields at any points, with the accuracy of the method.
 
@@ -200,21 +209,29 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = _located(state, sigma, before=before)
     r, theta, p, f = nodal_and_tractions(state, cell, xi)
-    at, slopes = local(state.degree), lagrange_basis(points(state.degree)[0], xi)[1]
-    length = (state.sigma[:, 1] - state.sigma[:, 0])[cell]
-    dr = np.einsum("mi,mic->mc", slopes, state.values[cell][:, at.r]) / length[:, None]
-    kappa = np.einsum("mi,mi->m", slopes, state.values[cell][:, at.theta]) / length
+    dr, kappa = _slopes(state, cell, xi)
     D = np.hypot(*dr.T)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
-        D=D, kappa=kappa, p=p, f=f, v_rel=D - _pulley_speed(scene, state),
+        D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
-def _pulley_speed(scene: Scene, state: State) -> float:
-    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks."""
+def pulley_speed(scene: Scene, state: State) -> float:
+    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks.
+
+    Where the belt slides all along, it is that of the belt where it is nearest to stick.
+    """
     pulley = scene.pulleys[0]
-    return pulley.omega * pulley.radius if pulley.drive == "omega" else state.D_stick
+    if pulley.drive == "omega":
+        return pulley.omega * pulley.radius
+    if state.mesh.zones.transition or pulley.friction == 0.0:
+        return state.D_stick
+    sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
+    while (i := int(np.argmin(sense * D))) not in (0, D.size - 1) and sigma[i + 1] - sigma[i - 1] > CLOSE:
+        sigma = np.linspace(sigma[i - 1], sigma[i + 1], POINTS)
+        D = np.hypot(*_slopes(state, *_located(state, sigma))[0].T)
+    return float(D[i])
 
 
 @functools.cache
@@ -230,6 +247,18 @@ def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
     at = uniform(count)
     nodes, gauss = points(degree)
     return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0], simpson_weights(at)
+
+
+def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
+    """sigma, p, f and D densely along a zone."""
+    at, cells = local(state.degree), state.mesh.zone == index
+    _, slopes, gauss, _ = tables(state.degree, POINTS)
+    values, ends = state.values[cells], state.sigma[cells]
+    length = ends[:, 1:] - ends[:, :1]
+    dr = slopes @ values[:, at.r] / length[..., None]
+    D = np.sqrt(dr[..., 0] ** 2 + dr[..., 1] ** 2)
+    sigma = ends[:, :1] + length * uniform(POINTS)
+    return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
 
 
 def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
@@ -254,7 +283,7 @@ def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
         "kappa": kappa,
         "p": values[:, at.p] @ gauss.T,
         "f": values[:, at.f] @ gauss.T,
-        "v_rel": D - _pulley_speed(scene, state),
+        "v_rel": D - pulley_speed(scene, state),
     }
     return Fields.from_state(scene.belt, **{name: field[once] for name, field in everywhere.items()})
 
@@ -273,7 +302,7 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     )
     up, off = (values[cell, at.r[end]] - pulley.center for cell, end in ((first[1], 0), (last[-2], 1)))
     contact = Contact(
-        omega=_pulley_speed(scene, state) / pulley.radius,
+        omega=pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],
         x_trans=zones[mesh.zones.transition].x[1],
         x_off=zones[-1].x[0],
