@@ -121,7 +121,7 @@ class Condensed:
         self.count = next_number
         self._places = np.concatenate([group.places for group in self.groups])
         self._sigma = slice(at.sigma[0], at.sigma[-1] + 1)
-        self._scalars = slice(borders[0], held)
+        self._borders = slice(borders[0], held - 1)
 
     def _group(self, cells: Array, hidden: Array, tied: Array, dofs: int) -> Group:
         rows = np.append(hidden, tied)
@@ -142,14 +142,15 @@ class Condensed:
         assembled[self.size] = 0.0
         return float(np.linalg.norm(assembled))
 
-    def step(self, weights: Array) -> tuple[Array, Array]:
+    def step(self, weights: Array, *, held: bool = False) -> tuple[Array, Array]:
         """Solves for the step that takes the linearised residual to zero; the cells' Jacobians are overwritten.
 
         Args:
             weights: Derivatives of sigma at each cell's ends with respect to the ends of its zone ``(n, 2, 2)``.
+            held: Whether the borders stay where they are, whatever their conditions say.
 
         Returns:
-            The step of each cell's dofs ``(n, 5 k + 6)``, and the part of it that are borders and stretch in stick.
+            The step of each cell's dofs ``(n, 5 k + 6)``, but for sigma; and of the borders and the stretch in stick.
         """
         (jacobians, _), size, sigma = self.cells, self.size, self._sigma
         jacobians[:, :, sigma] = jacobians[:, :, sigma] @ weights
@@ -161,11 +162,13 @@ class Condensed:
             eliminated.append(solved)
         matrix = np.bincount(self._places, np.concatenate(entries), (size + 1) * (size + 2))
         matrix = matrix.reshape(size + 1, size + 2)[:size]
+        if held:
+            matrix[self._borders] = np.eye(self._borders.stop - self._borders.start, size + 2, self._borders.start)
         unknowns = np.zeros(self.count)
         unknowns[:size] = np.linalg.solve(matrix[:, :size], -matrix[:, -1])
         for group, solved in zip(self.groups, eliminated, strict=True):
             left = unknowns[group.left][..., None]
             unknowns[group.hidden] = -(solved[..., :-1] @ left)[..., 0] - solved[..., -1]
         step = unknowns[self.numbers]
-        step[:, sigma] = (weights @ step[:, sigma, None])[..., 0]
-        return step, unknowns[self._scalars]
+        step[:, sigma] = 0.0
+        return step, unknowns[self._borders.start : size]

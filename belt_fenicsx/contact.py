@@ -17,6 +17,17 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
+def penetration_from(start: Expr, way: Expr, *, radius: Expr, center: Expr) -> Expr:
+    """The same g at ``start + way``, with little rounding error where the way is short.
+
+    That of the difference in `penetration` is as large as that of positions. From point to point it is a roughness of
+    the pulley, to which the pressure of a stiff belt answers.
+    """
+    arm = start - center
+    distance = ufl.sqrt(ufl.dot(arm + way, arm + way))
+    return (radius**2 - ufl.dot(arm, arm) - ufl.dot(way, 2 * arm + way)) / (radius + distance)
+
+
 def normal_potential(g: Expr, *, lambda_p: Expr, penalty: Expr) -> Expr:
     """Augmented Lagrangian of the pressure, per material length.
 

@@ -20,9 +20,9 @@ def lagrange(degree: int, *, size: int | None = None) -> Any:
     return _element(degree, LOBATTO, False, size)
 
 
-def gauss(count: int) -> Any:
-    """Discontinuous element with its nodes at the ``count`` Gauss points."""
-    return _element(count - 1, GAUSS, True, None)
+def gauss(count: int, *, size: int | None = None) -> Any:
+    """Discontinuous element with its nodes at the ``count`` Gauss points, scalar or with ``size`` components."""
+    return _element(count - 1, GAUSS, True, size)
 
 
 def one_sided(size: int) -> Any:

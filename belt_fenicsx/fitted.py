@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -28,20 +27,28 @@ from mpi4py import MPI
 
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
+from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
 from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import change
-from belt_fenicsx.fitted_start import ARRIVED, LOWEST, Run, Stopped, in_pure_stick, meets, starts
-from belt_fenicsx.fitted_state import State, answer, fields, fields_at
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.fitted_start import LOWEST, Run, Stopped, meets, starts
+from belt_fenicsx.fitted_state import State
+from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
 
 METHOD = "fitted"
 HIGHEST = 14
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it mostly reaches
-# Part of the change by the last degree that is left as error. Measured on scenes at random: from one even degree to the
-# next, the error fell by factors of 7 to 1000.
-LEFT = 1 / 4
+# Part of the change by the last degree that is left as error, at most; and in units of the factor by which the change
+# of the pressure fell since the degree before. Measured on scenes at random: from one even degree to the next, the
+# error fell by factors of 7 to 3000.
+LEFT, GAIN = 1 / 4, 10.0
+CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after which the error is that of the degree
+# Belt lengths, of a cell. One step from the degree before leaves an error of second order in what the degree changes in
+# a layer. Where layers are thin, it can be as large as what the degree leaves.
+SHORT = 0.012
+ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
+BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
 MOST_CHANGES = 6  # of the order of zones
@@ -85,9 +92,8 @@ def solve(
     with contextlib.closing(Newton(options)) as newton:
         run = Run(scene, dimensionless, units, elements, newton)
         solution = solved(run, initial, rtol, degree)
-        if not solution.success:
-            with contextlib.suppress(Stopped):
-                in_pure_stick(run)
+    if not solution.success:
+        check_limits(scene)
     return finish(solution, throw=throw)
 
 
@@ -140,8 +146,41 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
         except Stopped as stopped:
             if stopped.status is not Status.NEWTON_DIVERGED:
                 raise
+            if failure is None:
+                check_limits(run.asked)
             failure = failure or stopped
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
+
+
+def check_limits(scene: Scene) -> None:
+    """Checks that the transition lies where stick can end: between where it does in pure slip and in pure stick.
+
+    Raises:
+        SceneError: It does not.
+    """
+    pulley = scene.pulleys[0]
+    if pulley.x_trans is None or isinstance(pulley.x_trans, str):
+        return
+    limits = [
+        solve(replace(scene, pulleys=(replace(pulley, x_trans=limit),)), rtol=1e-6, throw=False)
+        for limit in (RUN_UP, RUN_OFF)
+    ]
+    if all(limit.success for limit in limits):
+        first, last = nearest_to_stick(limits[0]), limits[1].contacts[0].x_trans
+        if not first < pulley.x_trans < last:
+            where = f"lie where stick can end in the contact zone, in ({first:.6g}, {last:.6g}) [m]"
+            raise SceneError("pulleys.0.x_trans", where, pulley.x_trans)
+
+
+def nearest_to_stick(slid: Solution) -> float:
+    """Where the transition goes when sliding spreads over the contact: to the place where it is slowest.
+
+    Next to the run-off, where sliding turns instead, the transition does not get; then it goes to the run-up.
+    """
+    (contact,), fields = slid.contacts, slid.fields
+    sliding = fields.zone == 1
+    place = float(fields.x[sliding][np.argmin(np.abs(fields.v_rel[sliding]))])
+    return place if place < (contact.x_up + contact.x_off) / 2 else contact.x_up
 
 
 def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[State, float, float]:
@@ -155,24 +194,30 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         Stopped: There is none.
     """
     last = degree or next(last for reach, last in LAST.items() if rtol >= reach)
-    close = math.sqrt(min(rtol, 1e-6)) / 3
-    judged = False
+    judged, change_before = False, 0.0
     for k in range(LOWEST + 2, (degree or HIGHEST) + 1, 2):
         start = state.of_degree(k)
-        higher = run.newton(start, "the degree before", arrived=close if k >= last else ARRIVED)
+        higher = run.newton(start, "the degree before", arrived=CLOSE)
+        if k > LOWEST + 2 and higher.length.min() < SHORT:
+            higher = run.newton(higher, "short cells, in which one step is not enough", arrived=CLOSE)
         p, p_start = (s.values[:, local(k).p] for s in (higher, start))
         change_of_p = float(np.abs(p - p_start).max() / p.max())
         if p.min() < -NEGATIVE * p.max():
             raise Stopped(Status.NEWTON_DIVERGED, "The pressure is negative: this is another root of the equations.")
-        estimate = max(LEFT * abs(1.0 - _known(run.scene, state) / _known(run.scene, higher)), rounding(higher))
-        state = higher
+        change_of_known = abs(1.0 - _known(run.scene, state) / _known(run.scene, higher))
+        left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT
+        estimate = max(left * change_of_known, rounding(higher))
+        state, change_before = higher, change_of_p
         if k == LOWEST + 2 or (change_of_p <= COARSEST and not judged):
-            judged, state = change_of_p <= COARSEST, reviewed(run, higher, change_of_p)
+            judged, state = change_of_p <= COARSEST, reviewed(run, higher, max(BREACH, change_of_p))
             if state.mesh.zones != higher.mesh.zones:
+                change_before = 0.0
                 continue
         known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
         if k >= last and (known or k == degree):
-            break
+            state = reviewed(run, higher, max(TOLERANCE, change_of_p)) if k < (degree or HIGHEST) else higher
+            if state.mesh.zones == higher.mesh.zones:
+                break
     return state, estimate, change_of_p
 
 
@@ -183,23 +228,21 @@ def reviewed(run: Run, state: State, error: float) -> State:
         if called is None:
             run.skipped("other zones", "Coulomb's bound holds in stick, and the sense of sliding in slip")
             return state
-        old = fields(run.scene, state)
-        state = run.on(called.zones, called.ends, old, called.why, degree=state.degree)
+        state = run.on(called.zones, called.ends, state, called.why, degree=state.degree)
     return state
 
 
 def finer(run: Run, state: State) -> State:
     """The same zones with twice as many cells, at the lowest degree."""
     run.elements = 2 * len(state.cells)
-    return run.on(state.mesh.zones, state.ends, fields(run.scene, state), "an error that no degree made small enough")
+    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough")
 
 
 def rounding(state: State) -> float:
-    """Rounding error of a stretch, which is the slope of positions in a short cell."""
-    left, right = state.sigma.T
-    return float(8.0 * np.finfo(float).eps * state.degree**2 / (right - left).min())
+    """Rounding error of the angular velocity: that of slopes where two short cells meet on the pulley."""
+    return float(ROUNDING * np.finfo(float).eps / state.length.min())
 
 
 def _known(scene: Scene, state: State) -> float:
     """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return state.D_stick - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)

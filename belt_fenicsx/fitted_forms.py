@@ -30,7 +30,8 @@ class Forms:
 
     Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, stretch in
     stick; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
-    values of ``SWITCHES`` on both sides of the cell. Their constants are ``CONSTANTS``.
+    values of ``SWITCHES`` on both sides of the cell; then its chord, from which r deviates: its left end and the vector
+    to its right end. Their constants are ``CONSTANTS``.
 
     Attributes:
         F: Residual ``(5 k + 6,)``.
@@ -54,22 +55,30 @@ def residual_and_jacobian(degree: int, friction: bool) -> tuple[ufl.Form, ufl.Fo
     mixed = compat.mixed(
         elements.lagrange(degree, size=2), node, traction, traction, elements.lagrange(1), elements.gauss(1)
     )
-    V = ufl.FunctionSpace(line, mixed)
     # Numbered here: UFL would count on in one process, and compiled code is found again by its form's numbers, too.
-    unknown, switches = (
-        ufl.Coefficient(space, count=count)
-        for count, space in enumerate((V, ufl.FunctionSpace(line, elements.one_sided(len(SWITCHES)))))
+    unknown, switches, chord = (
+        ufl.Coefficient(ufl.FunctionSpace(line, element), count=count)
+        for count, element in enumerate((mixed, elements.one_sided(len(SWITCHES)), elements.gauss(1, size=4)))
     )
     constants = ufl.Constant(line, shape=(len(CONSTANTS),), count=0)
-    F = residual(unknown, switches, constants, degree, friction)
-    return F, ufl.derivative(F, unknown, ufl.TrialFunction(V))
+    F = residual(unknown, switches, chord, constants, degree, friction)
+    return F, ufl.derivative(F, unknown, ufl.TrialFunction(unknown.ufl_function_space()))
 
 
 def residual(
-    unknown: ufl.Coefficient, switches: ufl.Coefficient, constants: ufl.Constant, degree: int, friction: bool
+    unknown: ufl.Coefficient,
+    switches: ufl.Coefficient,
+    chord: ufl.Coefficient,
+    constants: ufl.Constant,
+    degree: int,
+    friction: bool,
 ) -> ufl.Form:
     """Weak equilibrium, the pulley's conditions at the Gauss points, and the conditions at the borders."""
-    r, theta, p, f, sigma, D_stick = ufl.split(unknown)
+    deviation, theta, p, f, sigma, D_stick = ufl.split(unknown)
+    (eta,) = ufl.SpatialCoordinate(unknown.ufl_domain())
+    start, along = (ufl.as_vector([chord[i], chord[i + 1]]) for i in (0, 2))
+    way = eta * along + deviation
+    r = start + way
     v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.ufl_function_space())
     given = dict(zip(CONSTANTS, (constants[i] for i in range(len(CONSTANTS))), strict=True))
     on = dict(zip(SWITCHES, (switches[i] for i in range(len(SWITCHES))), strict=True))
@@ -92,7 +101,7 @@ def residual(
     elastic = ufl.derivative(
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
-    pulley = v_p * on["touch"] * contact.penetration(r, radius=given["R"], center=center)
+    pulley = v_p * on["touch"] * contact.penetration_from(start, way, radius=given["R"], center=center)
     pulley -= ufl.dot(p * n, v_r) * sigma.dx(0)
     borders = v_sigma * on["tangent"] * ufl.dot(r - center, t)
     borders += v_D * on["grip"] * (1 - on["force"]) * (D - D_stick)

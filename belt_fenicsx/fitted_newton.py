@@ -13,13 +13,14 @@ from petsc4py import PETSc
 
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms
-from belt_fenicsx.fitted_state import State
+from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
+from belt_fenicsx.fitted_state import State, on_chords
 from belt_fenicsx.petsc_options import set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
+SETTLED = 0.1  # of the same, that the last step may take
 
 
 class Iteration:
@@ -31,70 +32,119 @@ class Iteration:
     cell by cell in `condensed` took 0.3 to 1 ms.
 
     Attributes:
-        values: Unknowns of each cell ``(n, 5 k + 6)``.
+        values: Unknowns of each cell, as in a state ``(n, 5 k + 6)``.
+        chords: Chords of each cell, as in a state ``(n, 4)``.
+        ends: Ends of the zones ``(z + 1,)``.
         residuals: Computes the residual of each cell.
         jacobians: Computes the Jacobian of each cell.
-        arrived: Largest step of a border, and of the stretch in stick, at which the iteration ends.
     """
 
     def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
         self.condensed = Condensed(mesh, degree, friction)
-        (n, dofs), on = self.condensed.numbers.shape, switches(mesh)
-        coefficients = np.empty((n, dofs + on[0].size))
-        coefficients[:, dofs:] = on.reshape(n, -1)
-        self.values, self._constants = coefficients[:, :dofs], np.zeros(len(CONSTANTS))
+        (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
+        coefficients = np.empty((n, dofs + on.shape[1] + 4))
+        self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
+        switched[:] = on
+        self._constants = np.zeros(len(CONSTANTS))
         compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
-        self.arrived = 0.0
-        self._sigma, self._weights = local(degree).sigma, np.empty((n, 2, 2))
+        self._zone, self._at, self._nodes = mesh.zone, local(degree), points(degree)[0]
+        self._before, self._after = slice(mesh.ends[0]), slice(mesh.ends[-1], n)
+        self._contact = slice(mesh.ends[0], mesh.ends[-1])
+        self._weights = np.empty((n, 2, 2))
 
-    def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
-        """The iteration; called by SNES."""
-        reasons = PETSc.SNES.ConvergedReason
-        reason = reasons.DIVERGED_MAX_IT
-        for iteration in range(snes.max_it):
-            self.residuals()
-            snes.monitor(iteration, self.condensed.residual_norm())
-            self.jacobians()
-            step, change = self._step()
-            self.values += step
-            snes.setIterationNumber(iteration + 1)
-            if not math.isfinite(change):
-                reason = reasons.DIVERGED_FNORM_NAN
-                break
-            if change <= self.arrived:
-                reason = reasons.CONVERGED_SNORM_RELATIVE
-                break
-        snes.setConvergedReason(reason)
+    def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False) -> None:
+        """Sets the parameters of a scene, the state to start from, and when to end.
 
-    def _step(self) -> tuple[Array, float]:
-        """Newton's step, shortened where a border would come too close to the next one.
-
-        Returns:
-            The step, and the largest change of a border or of the stretch in stick by the full one.
+        Args:
+            scene: The dimensionless scene.
+            state: Where it starts.
+            arrived: Largest step of a border, in lengths of the shortest cell, or of the stretch in stick, at which the
+                iteration ends.
+            held: Whether the first step holds the borders, so that all others know the forces that move them.
         """
-        step, scalars = self.condensed.step(self._weights)
-        ends, moved = self.values[:, self._sigma], step[:, self._sigma]
-        shrinking = float(((moved[:, 0] - moved[:, 1]) / (ends[:, 1] - ends[:, 0])).max())
-        if shrinking > LARGEST_STEP:
-            step *= LARGEST_STEP / shrinking
-        return step, float(np.abs(scalars).max())
-
-    def load(self, scene: Scene, state: State, arrived: float) -> None:
-        """Sets the parameters of a scene, the state to start from, and the step at which to end."""
         belt, pulley = scene.belt, scene.pulleys[0]
-        values = {
+        given = {
             "a": belt.bending_stiffness, "b1": belt.extensional_stiffness, "b2": belt.shear_stiffness,
             "R": pulley.radius, "xc": pulley.center[0], "H": pulley.center[1], "mu": pulley.friction,
             "x_trans": pulley.x_trans if pulley.drive == "x_trans" and not isinstance(pulley.x_trans, str) else 0.0,
             "D_given": pulley.omega * pulley.radius if pulley.drive == "omega" else 1.0,
             "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
-        self.arrived = arrived
-        self._constants[:] = [values[name] for name in CONSTANTS]
-        self.values[:] = state.values
+        self._constants[:] = [given[name] for name in CONSTANTS]
+        self._center, self._radius, self._arrived, self._held = pulley.center, pulley.radius, arrived, held
+        self.values[:], self.chords[:], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
+
+    def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
+        """The iteration; called by SNES."""
+        reasons = PETSc.SNES.ConvergedReason
+        reason, held = reasons.DIVERGED_MAX_IT, self._held
+        for iteration in range(snes.max_it):
+            self.residuals()
+            snes.monitor(iteration, self.condensed.residual_norm())
+            self.jacobians()
+            try:
+                step, scalars = self.condensed.step(self._weights, held=held)
+                change = float(np.abs(scalars).max())
+            except np.linalg.LinAlgError:
+                change = math.nan
+            snes.setIterationNumber(iteration + 1)
+            if not math.isfinite(change):
+                reason = reasons.DIVERGED_FNORM_NAN
+                break
+            shortening = self._moved(step, scalars[:-1])
+            shortest = self.values[:, self._at.sigma[1]].min()
+            if change <= self._arrived * shortest and shortening <= SETTLED and not held:
+                reason = reasons.CONVERGED_SNORM_RELATIVE
+                break
+            self._onto_pulley()
+            held = False
+        snes.setConvergedReason(reason)
+
+    def _moved(self, step: Array, borders: Array) -> float:
+        """Takes a step, shortened where a border would come too close to the next one.
+
+        Returns:
+            The largest part that the full step takes from a zone.
+        """
+        borders = np.concatenate([[0.0], borders, [0.0]])
+        shortening = float(((borders[:-1] - borders[1:]) / (self.ends[1:] - self.ends[:-1])).max())
+        if shortening > LARGEST_STEP:
+            step, borders = step * (LARGEST_STEP / shortening), borders * (LARGEST_STEP / shortening)
+        self.ends = self.ends + borders
+        self._shifted(step[:, self._at.r])
+        step[:, self._at.r] = 0.0
+        self.values += step
+        lengths = (self.ends[1:] - self.ends[:-1])[self._zone]
+        self.values[:, self._at.sigma[1]] = lengths * (self._cells[:, 1] - self._cells[:, 0])
+        return shortening
+
+    def _shifted(self, shift: Array) -> None:
+        """Shifts nodes ``(n, k + 1, 2)``."""
+        left, along = shift[:, 0], shift[:, 1] - shift[:, 0]
+        self.chords[:, :2] += left
+        self.chords[:, 2:] += along
+        deviation = shift - left[:, None] - self._nodes[:, None] * along[:, None]
+        self.values[:, self._at.r] += deviation
+
+    def _onto_pulley(self) -> None:
+        """Brings the nodes in contact back to the pulley, and those of the free zones along with its ends.
+
+        A straight step leaves the circle by the square of its length. Where a border moves through a short zone, the
+        pressure and the friction that would take it back are those of a kinked belt, and by them the next step would
+        place the border.
+        """
+        contact = self._contact
+        arm = on_chords(self.chords[contact], self._nodes) + self.values[contact][:, self._at.r] - self._center
+        shift = np.empty((len(self.values), *arm.shape[1:]))
+        shift[contact] = arm * (self._radius / np.sqrt((arm**2).sum(axis=2, keepdims=True)) - 1.0)
+        # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
+        place = (self._cells[:, :1] + np.diff(self._cells) * self._nodes)[..., None]
+        shift[self._before] = place[self._before] ** 2 * shift[contact][0, 0]
+        shift[self._after] = (1.0 - place[self._after]) ** 2 * shift[contact][-1, 1]
+        self._shifted(shift)
 
 
 @functools.lru_cache(maxsize=64)
@@ -121,18 +171,18 @@ class Newton:
         for held in (self.snes, self._x, self._b):
             held.destroy()
 
-    def solve(self, scene: Scene, start: State, arrived: float) -> tuple[State, int]:
-        """Iterates until a step is smaller than ``arrived``.
+    def solve(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
+        """Iterates until a step is below ``arrived``, and small against the zones that it shortens.
 
         Returns:
             The new state, and the number of iterations; negative where they did not converge.
         """
         iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
-        iteration.load(scene, start, arrived)
+        iteration.load(scene, start, arrived, held=held)
         self.snes.setPythonContext(iteration)
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()
-        state = replace(start, values=iteration.values.copy())
+        state = replace(start, values=iteration.values.copy(), chords=iteration.chords.copy(), ends=iteration.ends)
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
 
 

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_state import POINTS, State, tables, uniform
+from belt_fenicsx.fitted_answer import POINTS, along
+from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import RUN_OFF, Scene, Slip
-from belt_fenicsx.zones import STICK, Part, Zones, ordered
+from belt_fenicsx.zones import FREE, STICK, Part, Zones, ordered
 
-BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 FURTHEST = 0.8  # of a zone, that another one may take from it
 SHORTEST = 1e-3  # belt lengths, of a zone that is worth to be found
 OTHER: dict[Slip | None, Slip] = {"forward": "backward", "backward": "forward"}
@@ -43,14 +42,13 @@ def change(scene: Scene, state: State, error: float) -> Change | None:
     Args:
         scene: The dimensionless scene.
         state: The state.
-        error: How well the state knows its pressure, relative to the largest.
+        error: How far a bound may seem to be broken by the state's error, relative to its largest value.
     """
     pulley, parts = scene.pulleys[0], state.mesh.zones.parts
     if pulley.friction == 0.0:
         return None
-    breach = max(BREACH, error)
     for index, part in enumerate(parts[1:-1], start=1):
-        found = (_held if part == STICK else _slid)(scene, state, index, breach)
+        found = (_held if part == STICK else _slid)(scene, state, index, error)
         if found is not None:
             return found
     return None
@@ -65,23 +63,33 @@ def _held(scene: Scene, state: State, index: int, breach: float) -> Change | Non
     broken = excess > breach * np.max(bound)
     holds = sigma[excess <= 0.0]
     start, end = state.ends[index : index + 2]
-    if broken[0] and parts[index - 1].kind == "free":
+    if not holds.size and parts[index + 1] != FREE:
+        contact = [*(parts[1:index] or [_sliding(-f[0])]), *parts[index + 1 : -1]]
+        if contact[index - 1 - (index > 1)] == parts[index + 1]:
+            return None
+        ends = np.delete(state.ends, index) if index > 1 else state.ends
+        return Change("stick that breaks Coulomb's bound all along", ordered(scene, contact), ends)
+    if broken[0] and parts[index - 1] == FREE:
         place = min(holds[0] if holds.size else end, start + FURTHEST * (end - start))
-        contact = [Part("slip", "forward" if f[0] < 0.0 else "backward"), *parts[1:-1]]
+        contact = [_sliding(-f[0]), *parts[1:-1]]
         why = "zones that break Coulomb's bound at the run-up"
-    elif broken[-1] and parts[index + 1].kind == "free" and scene.pulleys[0].x_trans == RUN_OFF:
+    elif broken[-1] and parts[index + 1] == FREE and scene.pulleys[0].x_trans == RUN_OFF:
         place = max(holds[-1] if holds.size else start, end - FURTHEST * (end - start))
-        contact = [*parts[1:-1], Part("slip", "forward" if f[-1] > 0.0 else "backward")]
+        contact = [*parts[1:-1], _sliding(f[-1])]
         why = "zones that break Coulomb's bound at the run-off"
     else:
         return None
     return Change(why, ordered(scene, contact), np.sort(np.append(state.ends, place)))
 
 
+def _sliding(sense: float) -> Part:
+    return Part("slip", "forward" if sense > 0.0 else "backward")
+
+
 def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | None:
     """The other sense of sliding, from where the belt has the pulley's speed again."""
     parts = state.mesh.zones.parts
-    if STICK not in parts[:index] or parts[index + 1].kind != "free":
+    if index <= state.mesh.zones.transition or parts[index + 1] != FREE:
         return None
     sigma, _, _, D = along(state, index)
     ahead = parts[index].sense * (D - state.D_stick)
@@ -102,18 +110,6 @@ def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | Non
         ordered(scene, [*parts[1:index], turned, *parts[index + 1 : -1]]),
         state.ends,
     )
-
-
-def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
-    """sigma, p, f and D densely along a zone."""
-    at, cells = local(state.degree), state.mesh.zone == index
-    _, slopes, gauss, _ = tables(state.degree, POINTS)
-    values, ends = state.values[cells], state.sigma[cells]
-    length = ends[:, 1:] - ends[:, :1]
-    dr = slopes @ values[:, at.r] / length[..., None]
-    D = np.sqrt(dr[..., 0] ** 2 + dr[..., 1] ** 2)
-    sigma = ends[:, :1] + length * uniform(POINTS)
-    return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
 
 
 def transition(scene: Scene, stick: State, sense: float, ahead: float) -> float | None:

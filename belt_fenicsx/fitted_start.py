@@ -16,19 +16,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.certificate import SENSE, check_transition
+from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import SHORTEST, transition
-from belt_fenicsx.fitted_state import State, fields, from_fields, from_string
+from belt_fenicsx.fitted_state import State, from_fields, from_string
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
 from belt_fenicsx.solution import Solution, Stage, Status
 from belt_fenicsx.taut_string import taut_string
 from belt_fenicsx.zones import STICK, Part, Zones, ordered, posed
 
 LOWEST = 4  # degree
-ARRIVED = 1e-3  # largest step of the borders, in belt lengths, and of the stretch, after which the degree may rise
+ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
 MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
@@ -80,17 +80,17 @@ class Run:
         """Adds a stage that the scene did not need."""
         self.stages.append(Stage(name=name, why=why))
 
-    def newton(self, state: State, why: str, *, arrived: float = ARRIVED) -> State:
-        """Newton's iteration from a state, with elements of its degree."""
-        result, iterations = self.solver.solve(self.scene, state, arrived)
+    def newton(self, state: State, why: str, *, arrived: float = ARRIVED, held: bool = False) -> State:
+        """Newton's iteration from a state, with elements of its degree; its first step may hold the borders."""
+        result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
         self.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
             message = f"At degree {state.degree}, after {-iterations} iterations from {why}."
             raise Stopped(Status.NEWTON_DIVERGED, message)
         return result
 
-    def on(self, zones: Zones, ends: Array, old: Fields, why: str, *, degree: int = LOWEST) -> State:
-        """Newton's iteration on zones, from the fields of another solution."""
+    def on(self, zones: Zones, ends: Array, old: Fields | State, why: str, *, degree: int = LOWEST) -> State:
+        """Newton's iteration on zones, from another solution."""
         return self.newton(from_fields(self.scene, old, zones, ends, degree, self.elements), why)
 
     def driven_by(self, x_trans: str) -> Run:
@@ -106,11 +106,11 @@ def starts(run: Run, initial: Solution | None) -> list[Callable[[Run], State]]:
     if pulley.drive != "x_trans" and pulley.friction > 0.0:
         return [*ways, _driven, _sticking, _sliding]
     if len(posed(run.scene).parts) == 3:
-        return [*ways, _from_string, _from_softer]
-    return [*ways, _from_string, _from_softer, _from_pure_stick, _found]
+        return [*ways, _from_string, _bent, _from_softer]
+    return [*ways, _from_string, _bent, _from_softer, _from_pure_stick, _found]
 
 
-def _from_string(run: Run) -> State:
+def _from_string(run: Run, *, held: bool = False) -> State:
     pulley = run.scene.pulleys[0]
     if pulley.friction == 0.0 and pulley.torque:
         raise Stopped(Status.CAPACITY_EXCEEDED, "Without friction, the belt transmits 0 N m.")
@@ -119,7 +119,12 @@ def _from_string(run: Run) -> State:
         raise Stopped(Status.CONTACT_LOST, "The straight belt is clear of the pulley.")
     start = from_string(run.scene, string, posed(run.scene), LOWEST, run.elements)
     run.ran("taut string", "first guess")
-    return run.newton(start, "the taut string")
+    return run.newton(start, "the taut string", held=held)
+
+
+def _bent(run: Run) -> State:
+    """From the string, with the belt bent between the string's borders before they move."""
+    return _from_string(run, held=True)
 
 
 def _from_softer(run: Run) -> State:
@@ -127,8 +132,8 @@ def _from_softer(run: Run) -> State:
     belt = run.scene.belt
     softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
     way = replace(run, scene=replace(run.scene, belt=softer))
-    state = _from_string(way)
-    return run.on(posed(run.scene), state.ends, fields(way.scene, state), "a belt that bends more easily")
+    state = _from_string(way, held=True)
+    return run.on(posed(run.scene), state.ends, state, "a belt that bends more easily")
 
 
 def _warm(run: Run, initial: Solution) -> State:
@@ -160,27 +165,19 @@ def _fits(scene: Scene, contact: list[Part]) -> bool:
 
 def _from_pure_stick(run: Run) -> State:
     stick = in_pure_stick(run)
-    place = float(np.interp(run.scene.pulleys[0].x_trans, *stick.nodes.T[::-1]))
-    return run.on(posed(run.scene), np.insert(stick.ends, 2, place), fields(run.scene, stick), "pure stick")
+    _, up, off, _ = stick.ends
+    margin = (1.0 - NEARLY) * (off - up)
+    place = np.clip(np.interp(run.scene.pulleys[0].x_trans, *stick.nodes.T[::-1]), up + margin, off - margin)
+    return run.on(posed(run.scene), np.insert(stick.ends, 2, place), stick, "pure stick")
 
 
 def in_pure_stick(run: Run) -> State:
-    """The belt that sticks all along the contact.
-
-    Raises:
-        SceneError: The scene's transition lies outside of this contact.
-    """
+    """The belt that sticks all along the contact."""
     pure = run.driven_by(RUN_OFF)
-    try:
-        stick = _from_string(pure)
-    except Stopped as stopped:
-        if stopped.status is not Status.NEWTON_DIVERGED:
-            raise
-        stick = _from_softer(pure)
+    stick = _first(pure, [_from_string, _bent, _from_softer])
     _, up, off, _ = stick.ends
     if off - up < SHORTEST or stick.values[:, local(LOWEST).p].min() < 0.0:
         raise Stopped(Status.NEWTON_DIVERGED, "Pure stick was not found from the taut string.")
-    check_transition(run.asked, *(np.interp(stick.ends[1:3], *stick.nodes.T) * run.units.length))
     return stick
 
 
@@ -193,19 +190,31 @@ def _driven(run: Run) -> State:
     stick = in_pure_stick(run)
     ahead = _ahead(run.scene, stick)
     slip: Slip = "forward" if ahead < 0.0 else "backward"
-    zones, old = posed(run.scene, slip), fields(run.scene, stick)
+    zones = posed(run.scene, slip)
     place = transition(run.scene, stick, SENSE[slip], ahead)
     if place is not None:
         try:
-            return run.on(zones, np.insert(stick.ends, 2, place), old, "pure stick")
+            return run.on(zones, np.insert(stick.ends, 2, place), stick, "pure stick")
         except Stopped:
             run.skipped("pure stick", "it led nowhere")
-    slid = run.on(ordered(run.scene, [Part("slip", slip)]), stick.ends, old, "pure stick, now sliding all along")
+    slid = run.on(ordered(run.scene, [Part("slip", slip)]), stick.ends, stick, "pure stick, now sliding all along")
     if meets(run, slid):
         return slid
     _, up, off, _ = slid.ends
     ends = np.insert(slid.ends, 2, NEARLY * up + (1.0 - NEARLY) * off)
-    return run.on(zones, ends, fields(run.scene, slid), "sliding all along")
+    return run.on(zones, ends, slid, "sliding all along")
+
+
+def _first(run: Run, ways: list[Callable[[Run], State]]) -> State:
+    """The first state that one of several ways leads to."""
+    *earlier, last = ways
+    for way in earlier:
+        try:
+            return way(run)
+        except Stopped as stopped:
+            if stopped.status is not Status.NEWTON_DIVERGED:
+                raise
+    return last(run)
 
 
 def _sticking(run: Run) -> State:
@@ -217,7 +226,7 @@ def _sliding(run: Run) -> State:
     """The belt that slides all along, for a speed or a moment next to it."""
     stick = in_pure_stick(run)
     zones = ordered(run.scene, [Part("slip", "forward" if _ahead(run.scene, stick) < 0.0 else "backward")])
-    return run.on(zones, stick.ends, fields(run.scene, stick), "pure stick, now sliding all along")
+    return run.on(zones, stick.ends, stick, "pure stick, now sliding all along")
 
 
 def meets(run: Run, state: State) -> bool:
@@ -258,7 +267,7 @@ def _found(run: Run) -> State:
     why = "Newton's iteration failed from the taut string; this finds the zones"
     run.ran("augmented Lagrangian", why, coarse.iterations)
     contact = [Part(zone.kind, zone.slip) for zone in coarse.zones[1:-1]]
-    if coarse.fields is None or not _fits(run.scene, contact):
+    ends = np.array([zone.sigma[0] for zone in coarse.zones] + [run.scene.belt.length / 2])
+    if coarse.fields is None or not _fits(run.scene, contact) or np.diff(ends).min() <= 0.0:
         raise Stopped(Status.NEWTON_DIVERGED, "Neither did a coarse run of the augmented Lagrangian find the zones.")
-    ends = np.array([zone.sigma[0] for zone in coarse.zones] + [coarse.zones[-1].sigma[1]])
     return run.on(ordered(run.scene, contact), ends, coarse.fields, "the augmented Lagrangian")

@@ -1,69 +1,86 @@
-"""States of the fitted method: where they come from, and what can be read from them. NumPy on each cell's dofs."""
+"""States of the fitted method, and where they come from. NumPy on each cell's dofs."""
 
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from belt_fenicsx.condensed import local, width
-from belt_fenicsx.fields import Array, Fields, simpson_weights
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
 from belt_fenicsx.scene import Scene
-from belt_fenicsx.solution import Contact, Zone
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
-
-POINTS = 17  # of the fields, in each cell
 
 
 @dataclass(frozen=True)
 class State:
     """Where the iteration stands, dimensionless.
 
+    Positions are kept as a chord for each cell and what deviates from it. In a cell that is some thousandth of the belt
+    long, the derivative of the positions themselves would know the stretch to 1e-12 only, and the strain, which is some
+    hundredth, to 1e-10.
+
     Attributes:
         mesh: Zones and cells.
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
-        values: Unknowns of each cell ``(n, 5 k + 6)``.
+        ends: Ends of the zones in the material-length coordinate ``(z + 1,)``.
+        chords: Position of each cell's left end, and the vector from there to its right end ``(n, 4)``.
+        values: Unknowns of each cell, with the deviations from the chord for positions, and its ends 0 and length for
+            sigma ``(n, 5 k + 6)``.
     """
 
     mesh: Mesh
     cells: Array
     degree: int
+    ends: Array
+    chords: Array
     values: Array
 
     @property
     def D_stick(self) -> float:
         """Stretch in stick."""
-        return float(self.values[0, local(self.degree).D[0]])
+        return float(self.values[0, -1])
+
+    @property
+    def length(self) -> Array:
+        """Length of each cell ``(n,)``."""
+        return self.values[:, local(self.degree).sigma[1]]
 
     @property
     def sigma(self) -> Array:
         """Both ends of each cell in the material-length coordinate ``(n, 2)``."""
-        return self.values[:, local(self.degree).sigma]
+        zone = self.mesh.zone[:, None]
+        return self.ends[zone] + np.diff(self.ends)[zone] * self.cells
 
     @property
-    def ends(self) -> Array:
-        """Ends of the zones ``(z + 1,)``."""
-        sigma = self.sigma
-        return np.concatenate([sigma[:1, 0], sigma[self.mesh.ends, 0], sigma[-1:, 1]])
+    def ends_r(self) -> Array:
+        """Positions of both ends of each cell ``(n, 2, 2)``."""
+        left = self.chords[:, :2]
+        return np.stack([left, left + self.chords[:, 2:]], axis=1)
 
     @property
     def nodes(self) -> Array:
         """Material-length coordinate and x of the cells' ends ``(n + 1, 2)``."""
-        at = local(self.degree)
-        left, right = (np.column_stack([self.values[:, at.sigma[i]], self.values[:, at.r[i, 0]]]) for i in (0, 1))
-        return np.vstack([left, right[-1:]])
+        both = np.stack([self.sigma, self.ends_r[..., 0]], axis=2)
+        return np.vstack([both[:, 0], both[-1:, 1]])
 
     @property
     def friction_force(self) -> float:
         """Integral of the friction traction."""
-        f, sigma = self.values[:, local(self.degree).f], self.sigma
-        return float((f @ gauss_weights(self.degree)) @ (sigma[:, 1] - sigma[:, 0]))
+        return float((self.values[:, local(self.degree).f] @ gauss_weights(self.degree)) @ self.length)
+
+    def r(self, xi: Array, nodal: Array) -> Array:
+        """Positions ``(n, m, 2)`` in all cells, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""
+        return on_chords(self.chords, xi) + nodal @ self.values[:, local(self.degree).r]
+
+    def dr(self, slopes: Array) -> Array:
+        """Derivatives of positions ``(n, m, 2)`` in all cells, where the nodes' polynomials have the ``slopes``."""
+        deviation = slopes @ self.values[:, local(self.degree).r]
+        return (self.chords[:, None, 2:] + deviation) / self.length[:, None, None]
 
     def of_degree(self, degree: int) -> State:
         """The same fields in elements of another degree; exactly the same where it is higher."""
@@ -79,23 +96,54 @@ class State:
         values[:, new.sigma], values[:, new.D] = self.values[:, old.sigma], self.values[:, old.D]
         return replace(self, degree=degree, values=values)
 
+    def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
+        """Cell and reference coordinate of points; at a border, those of the cell after it, or before it."""
+        left = self.sigma[:, 0]
+        cell = np.clip(np.searchsorted(left[1:], sigma, side="left" if before else "right"), 0, len(left) - 1)
+        return cell, (sigma - left[cell]) / self.length[cell]
+
+    def at(self, cell: Array, xi: Array) -> tuple[Array, Array, Array, Array]:
+        """r, theta, p and f at points ``xi`` of cells ``(m,)``."""
+        at, (nodes, gauss), values = local(self.degree), points(self.degree), self.values[cell]
+        nodal, traction = lagrange_basis(nodes, xi)[0], lagrange_basis(gauss, xi)[0]
+        r = on_chords(self.chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mic->mc", nodal, values[:, at.r])
+        theta, p, f = (
+            np.einsum("mi,mi->m", basis, values[:, dofs])
+            for basis, dofs in ((nodal, at.theta), (traction, at.p), (traction, at.f))
+        )
+        return r, theta, p, f
+
+    def slopes_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
+        """Derivatives of r and theta at points ``xi`` of cells ``(m,)``."""
+        at, slopes = local(self.degree), lagrange_basis(points(self.degree)[0], xi)[1]
+        length, values = self.length[cell], self.values[cell]
+        dr = self.chords[cell, 2:] + np.einsum("mi,mic->mc", slopes, values[:, at.r])
+        return dr / length[:, None], np.einsum("mi,mi->m", slopes, values[:, at.theta]) / length
+
+
+def on_chords(chords: Array, xi: Array) -> Array:
+    """Points ``(n, m, 2)`` on chords ``(n, 4)``, at the same ``xi`` ``(m,)`` on each, or at others ``(n, m)``."""
+    return chords[:, None, :2] + xi[..., None] * chords[:, None, 2:]
+
 
 def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, elements: int | None) -> State:
     """Zones divided into cells, without fields."""
     layers = {"bending": bending_layer(scene, strain), "shear": shear_layer(scene, strain)}
     mesh, cells = divided(zones, ends, **layers, elements=elements)
     values = np.zeros((len(cells), width(degree)))
-    sigma = ends[mesh.zone, None] + np.diff(ends)[mesh.zone, None] * cells
-    sigma[1:, 0] = sigma[:-1, 1]
-    values[:, local(degree).sigma] = sigma
-    return State(mesh, cells, degree, values)
+    values[:, local(degree).sigma[1]] = np.diff(ends)[mesh.zone] * (cells[:, 1] - cells[:, 0])
+    return State(mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
 
 
-def _clamped(scene: Scene, state: State) -> State:
-    """Puts the ends of the belt into the clamps."""
-    at, values = local(state.degree), state.values
-    values[0, at.r[0]], values[-1, at.r[1]] = (-scene.span / 2, 0.0), (scene.span / 2, 0.0)
-    values[0, at.theta[0]] = values[-1, at.theta[1]] = 0.0
+def _placed(scene: Scene, state: State, r: Array, theta: Array) -> State:
+    """Puts the nodes to ``r`` ``(n, k + 1, 2)`` and ``theta`` ``(n, k + 1)``, and the belt's ends into the clamps."""
+    at = local(state.degree)
+    r[0, 0], r[-1, 1] = (-scene.span / 2, 0.0), (scene.span / 2, 0.0)
+    theta[0, 0] = theta[-1, 1] = 0.0
+    state.chords[:, :2], state.chords[:, 2:] = r[:, 0], r[:, 1] - r[:, 0]
+    state.values[:, at.theta] = theta
+    state.values[:, at.r] = r - on_chords(state.chords, points(state.degree)[0])
+    state.values[:, at.r[:2]] = 0.0
     return state
 
 
@@ -116,8 +164,6 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     at, (nodes, _), sigma = local(degree), points(degree), state.sigma
     inside = (sigma[:, :1] + np.diff(sigma) * nodes).ravel()
     n = len(sigma)
-    state.values[:, at.r] = string.r(inside).reshape(n, -1, 2)
-    state.values[:, at.theta] = string.phi(inside).reshape(n, -1)
     state.values[:, at.D] = 1.0 + string.strain[0]
     D = string.D(sigma.mean(axis=1))
     tension = scene.belt.extensional_stiffness * np.maximum(D - 1.0, string.strain.min())
@@ -125,152 +171,49 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     sense = np.array([part.sense for part in zones.parts])[state.mesh.zone]
     state.values[:, at.p] = p[:, None]
     state.values[:, at.f] = (-sense * scene.pulleys[0].friction * p)[:, None]
-    return _clamped(scene, state)
+    return _placed(scene, state, string.r(inside).reshape(n, -1, 2), string.phi(inside).reshape(n, -1))
 
 
 def from_fields(
-    scene: Scene, old: Fields, zones: Zones, ends: Array, degree: int, elements: int | None = None
+    scene: Scene, old: Fields | State, zones: Zones, ends: Array, degree: int, elements: int | None = None
 ) -> State:
     """The fields of another solution on other zones, for a scene that may be another one.
 
     Args:
         scene: The dimensionless scene.
-        old: The dimensionless fields of the other solution.
+        old: The dimensionless fields of the other solution; its state where it is one of this method, so that nothing
+            is lost between points.
         zones: The zones.
         ends: Ends of the zones ``(z + 1,)``.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    D_stick = float(old.D[0] - old.v_rel[0])
+    D_stick = old.D_stick if isinstance(old, State) else float(old.D[0] - old.v_rel[0])
     state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
     at, (nodes, gauss), sigma = local(degree), points(degree), state.sigma
     values, parts, zone = state.values, zones.parts, state.mesh.zone
     at_nodes, at_gauss = (sigma[:, :1] + np.diff(sigma) * inside for inside in (nodes, gauss))
-    values[:, at.r] = np.stack([np.interp(at_nodes, old.sigma, x) for x in old.r.T], axis=2)
-    values[:, at.theta] = np.interp(at_nodes, old.sigma, old.theta)
-    p = np.interp(at_gauss, old.sigma, old.p)
+    r, theta, _, _ = _read(old, at_nodes)
+    _, _, p, f = _read(old, at_gauss)
     sense = np.array([part.sense for part in parts])[zone, None]
     sticks = np.array([part == STICK for part in parts])[zone, None]
     values[:, at.p] = state.mesh.touches[:, None] * p
-    values[:, at.f] = np.where(sticks, np.interp(at_gauss, old.sigma, old.f), -sense * scene.pulleys[0].friction * p)
+    values[:, at.f] = np.where(sticks, f, -sense * scene.pulleys[0].friction * p)
     values[:, at.D] = D_stick
-    return _clamped(scene, state)
+    return _placed(scene, state, r, theta)
 
 
-def _located(state: State, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
-    """Cell and reference coordinate of points; at a border, those of the cell after it, or before it."""
-    ends = state.sigma
-    side = "left" if before else "right"
-    cell = np.clip(np.searchsorted(ends[1:, 0], sigma, side=side), 0, len(ends) - 1)
-    return cell, (sigma - ends[cell, 0]) / (ends[cell, 1] - ends[cell, 0])
-
-
-def nodal_and_tractions(state: State, cell: Array, xi: Array) -> tuple[Array, Array, Array, Array]:
-    """r, theta, p and f at points ``xi`` of cells."""
-    at, (nodes, gauss) = local(state.degree), points(state.degree)
-    nodal, traction = lagrange_basis(nodes, xi)[0], lagrange_basis(gauss, xi)[0]
-    values = state.values[cell]
-    r = np.einsum("mi,mic->mc", nodal, values[:, at.r])
-    theta, p, f = (
-        np.einsum("mi,mi->m", basis, values[:, dofs])
-        for basis, dofs in ((nodal, at.theta), (traction, at.p), (traction, at.f))
-    )
-    return r, theta, p, f
-
-
-def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
-    """Fields at any points, with the accuracy of the method.
-
-    Args:
-        scene: The dimensionless scene.
-        state: The state.
-        sigma: Coordinates in the belt ``(m,)``.
-        before: Whether a border between zones belongs to the zone before it instead of the zone after it.
-    """
-    sigma = np.asarray(sigma, dtype=float)
-    cell, xi = _located(state, sigma, before=before)
-    r, theta, p, f = nodal_and_tractions(state, cell, xi)
-    at, slopes = local(state.degree), lagrange_basis(points(state.degree)[0], xi)[1]
-    length = (state.sigma[:, 1] - state.sigma[:, 0])[cell]
-    dr = np.einsum("mi,mic->mc", slopes, state.values[cell][:, at.r]) / length[:, None]
-    kappa = np.einsum("mi,mi->m", slopes, state.values[cell][:, at.theta]) / length
-    D = np.hypot(*dr.T)
-    return Fields.from_state(
-        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
-        D=D, kappa=kappa, p=p, f=f, v_rel=D - _pulley_speed(scene, state),
-    )  # fmt: skip
-
-
-def _pulley_speed(scene: Scene, state: State) -> float:
-    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks."""
-    pulley = scene.pulleys[0]
-    return pulley.omega * pulley.radius if pulley.drive == "omega" else state.D_stick
+def _read(old: Fields | State, sigma: Array) -> tuple[Array, Array, Array, Array]:
+    """r, theta, p and f at points ``(n, m)``."""
+    if isinstance(old, State):
+        columns = old.at(*old.located(sigma.ravel()))
+        r, theta, p, f = (column.reshape(*sigma.shape, *column.shape[1:]) for column in columns)
+        return r, theta, p, f
+    r = np.stack([np.interp(sigma, old.sigma, x) for x in old.r.T], axis=2)
+    return r, *(np.interp(sigma, old.sigma, field) for field in (old.theta, old.p, old.f))
 
 
 @functools.cache
 def uniform(count: int) -> Array:
     """``count`` points in the reference cell, its ends among them."""
     return np.linspace(0.0, 1.0, count)
-
-
-@functools.cache
-def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
-    """At ``count`` points of the reference cell: polynomials through the nodes, their slopes, polynomials through the
-    Gauss points; and weights of Simpson's rule."""
-    at = uniform(count)
-    nodes, gauss = points(degree)
-    return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0], simpson_weights(at)
-
-
-def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
-    """Fields at ``count`` points of each cell; the borders between zones appear once for each side."""
-    at, mesh, ends = local(state.degree), state.mesh, state.sigma
-    nodal, slopes, gauss, _ = tables(state.degree, count)
-    values = state.values
-    length = ends[:, 1:] - ends[:, :1]
-    dr, kappa = slopes @ values[:, at.r] / length[..., None], values[:, at.theta] @ slopes.T / length
-    D = np.sqrt(dr[..., 0] ** 2 + dr[..., 1] ** 2)
-    once = mesh.once(count)
-    weight = length * tables(state.degree, count)[3]
-    weight[:-1, -1] += np.where(mesh.zone[1:] == mesh.zone[:-1], weight[1:, 0], 0.0)
-    everywhere = {
-        "zone": np.repeat(mesh.zone, count).reshape(-1, count),
-        "weight": weight,
-        "sigma": ends[:, :1] + length * uniform(count),
-        "r": nodal @ values[:, at.r],
-        "theta": values[:, at.theta] @ nodal.T,
-        "phi": np.arctan2(dr[..., 1], dr[..., 0]),
-        "D": D,
-        "kappa": kappa,
-        "p": values[:, at.p] @ gauss.T,
-        "f": values[:, at.f] @ gauss.T,
-        "v_rel": D - _pulley_speed(scene, state),
-    }
-    return Fields.from_state(scene.belt, **{name: field[once] for name, field in everywhere.items()})
-
-
-def answer(scene: Scene, state: State) -> dict[str, Any]:
-    """Contact, zones and fields of a state, as arguments of a solution."""
-    at, mesh, pulley = local(state.degree), state.mesh, scene.pulleys[0]
-    sigma, values = state.sigma, state.values
-    first, last = np.array([0, *mesh.ends]), np.array([*mesh.ends, len(values)]) - 1
-    x = values[:, at.r[:2, 0]]
-    zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, sigma=(float(a), float(b)), x=(float(xa), float(xb)))
-        for part, a, b, xa, xb in zip(
-            mesh.zones.parts, sigma[first, 0], sigma[last, 1], x[first, 0], x[last, 1], strict=True
-        )
-    )
-    kinds = [zone.kind for zone in zones]
-    stick = kinds.index("stick") if "stick" in kinds else 0
-    up, off = (values[cell, at.r[end]] - pulley.center for cell, end in ((first[1], 0), (last[-2], 1)))
-    contact = Contact(
-        omega=_pulley_speed(scene, state) / pulley.radius,
-        x_up=zones[1].x[0],
-        x_trans=zones[stick].x[1],
-        x_off=zones[-1].x[0],
-        torque=-pulley.radius * state.friction_force,
-        wrap_angle=math.atan2(up[1], up[0]) - math.atan2(off[1], off[0]),
-        zones=zones[1:-1],
-    )
-    return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}

@@ -84,10 +84,17 @@ class Zones:
     by_force: bool = False
 
     @property
+    def transition(self) -> int:
+        """The border at which the belt leaves the pulley's speed for good; the run-off in pure stick, the run-up where
+        it slides all along in one sense."""
+        if STICK in self.parts:
+            return self.parts.index(STICK)
+        return 1 if len(self.parts) > 3 else 0
+
+    @property
     def grip(self) -> int:
-        """The border at which the belt's stretch is the stretch in stick; the run-up where nothing sticks."""
-        kinds = [part.kind for part in self.parts]
-        return kinds.index("stick") - 1 if "stick" in kinds else 0
+        """The border at which the belt's stretch is the stretch in stick."""
+        return self.transition - (STICK in self.parts)
 
 
 @dataclass(frozen=True)
@@ -140,17 +147,18 @@ def posed(scene: Scene, slip: Slip | None = None) -> Zones:
 def ordered(scene: Scene, contact: Sequence[Part]) -> Zones:
     """Zones in contact, with free ones around them and the conditions at the borders between them.
 
-    The belt leaves the pulley's speed for good at the end of the first stick zone: it does so where the scene says, or
-    else where friction cannot hold it any longer. Before, sliding passes into stick where friction is continuous;
-    after, sliding turns where the belt has the pulley's speed.
+    The belt leaves the pulley's speed for good at the end of the first stick zone, or of the first slip zone where
+    nothing sticks: it does so where the scene says, or else where friction cannot hold it any longer. Before, sliding
+    passes into stick where friction is continuous; after, sliding turns where the belt has the pulley's speed.
     """
     drive = scene.pulleys[0].drive
     placed: dict[str, Condition] = {"x_trans": "x", "omega": "speed", "torque": "hold"}
     borders, by_force = [RUN_UP_BORDER], False
-    for before, after in itertools.pairwise(contact):
+    left = contact.index(STICK) if STICK in contact else 0
+    for index, (_, after) in enumerate(itertools.pairwise(contact)):
         if after == STICK:
             borders.append(Border("coulomb", AFTER))
-        elif before != STICK:
+        elif index != left:
             borders.append(Border("hold", BEFORE))
         elif scene.pulleys[0].x_trans == RUN_OFF:
             borders.append(Border("coulomb", BEFORE))

@@ -17,9 +17,10 @@ pytest.importorskip("dolfinx")
 
 from belt_fenicsx import bvp, fitted, fitted_forms  # noqa: E402
 from belt_fenicsx.condensed import Condensed, local  # noqa: E402
+from belt_fenicsx.fitted_answer import fields_at  # noqa: E402
 from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points  # noqa: E402
 from belt_fenicsx.fitted_newton import Newton, iteration_on, switches  # noqa: E402
-from belt_fenicsx.fitted_state import fields_at, from_string  # noqa: E402
+from belt_fenicsx.fitted_state import from_string  # noqa: E402
 from belt_fenicsx.sweeps import sweep  # noqa: E402
 from belt_fenicsx.taut_string import taut_string  # noqa: E402
 from belt_fenicsx.zones import posed  # noqa: E402
@@ -296,12 +297,12 @@ def test_transition_close_to_the_ends_of_the_contact(x_trans, slip):
     assert fitted.solve(scene(x_trans=x_trans, slip=slip)).contacts[0].x_trans == pytest.approx(x_trans, abs=1e-10)
 
 
-def test_a_thin_belt_is_reached_from_one_that_bends_more_easily():
+def test_a_thin_belt_is_bent_before_its_borders_move():
     belt = {"length": 1.22151406260858, "poisson_ratio": 0.43329321137659643, "thickness": 0.004012664014004557}
     pulley = {"radius": 0.5452584360146776, "center": (-0.0007619316719060104, -0.23871140252588818)}
     case = scene(belt, friction=0.027616105627906912, x_trans=0.16181237382147046, slip="backward", **pulley)
     solution = fitted.solve(case)
-    assert any(stage.why == "a belt that bends more easily" for stage in solution.stages)
+    assert [stage.name for stage in solution.stages[:4]] == ["taut string", "degree 4", "taut string", "degree 4"]
     assert solution.omega == pytest.approx(bvp.solve(case).omega, rel=2e-8)
 
 
@@ -350,13 +351,15 @@ def test_step_solves_the_linearised_equations(degree):
     iteration.residuals()
     iteration.jacobians()
     jacobians, residuals = (cells.copy() for cells in condensed.cells)
-    step, _ = condensed.step(np.stack([1.0 - state.cells, state.cells], axis=2))
+    weights, zone = np.stack([1.0 - state.cells, state.cells], axis=2), state.mesh.zone
+    step, scalars = condensed.step(weights)
+    ends = np.concatenate([[0.0], scalars[:-1], [0.0]])
+    step[:, at.sigma] = (weights @ np.stack([ends[zone], ends[zone + 1]], axis=1)[..., None])[..., 0]
     left = np.zeros(condensed.count)
     np.add.at(left, condensed.numbers, (jacobians @ step[..., None])[..., 0] + residuals)
     left[condensed.size] = 0.0
     assert np.abs(left).max() < 1e-9 * max(1.0, np.abs(jacobians).max() * np.abs(step).max())
     assert not step[0, [*at.r[0], at.theta[0]]].any() and not step[-1, [*at.r[1], at.theta[1]]].any()
-    np.testing.assert_array_equal(step[1:, at.sigma[0]], step[:-1, at.sigma[1]])
 
 
 def test_jacobian_is_the_residuals_derivative():

@@ -1,0 +1,125 @@
+"""What is read from a state of the fitted method: fields, zones and contact."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+
+from belt_fenicsx.condensed import local
+from belt_fenicsx.fields import Array, Fields, simpson_weights
+from belt_fenicsx.fitted_forms import lagrange_basis, points
+from belt_fenicsx.fitted_state import State, uniform
+from belt_fenicsx.scene import Scene
+from belt_fenicsx.solution import Contact, Zone
+
+POINTS = 17  # of the fields, in each cell
+CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
+
+
+@functools.cache
+def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
+    """At ``count`` points of the reference cell: polynomials through the nodes, their slopes, polynomials through the
+    Gauss points; and weights of Simpson's rule."""
+    at = uniform(count)
+    nodes, gauss = points(degree)
+    return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0], simpson_weights(at)
+
+
+def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
+    """sigma, p, f and D densely along a zone."""
+    at, cells = local(state.degree), state.mesh.zone == index
+    _, slopes, gauss, _ = tables(state.degree, POINTS)
+    values = state.values[cells]
+    D = _norm(state.dr(slopes)[cells])
+    sigma = state.sigma[cells, :1] + state.length[cells, None] * uniform(POINTS)
+    return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
+
+
+def pulley_speed(scene: Scene, state: State) -> float:
+    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks.
+
+    Where the belt slides all along, it is that of the belt where it is nearest to stick.
+    """
+    pulley = scene.pulleys[0]
+    if pulley.drive == "omega":
+        return pulley.omega * pulley.radius
+    if state.mesh.zones.transition or pulley.friction == 0.0:
+        return state.D_stick
+    sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
+    while (i := int(np.argmin(sense * D))) not in (0, D.size - 1) and sigma[i + 1] - sigma[i - 1] > CLOSE:
+        sigma = np.linspace(sigma[i - 1], sigma[i + 1], POINTS)
+        D = _norm(state.slopes_at(*state.located(sigma))[0])
+    return float(D[i])
+
+
+def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
+    """Fields at any points, with the accuracy of the method.
+
+    Args:
+        scene: The dimensionless scene.
+        state: The state.
+        sigma: Coordinates in the belt ``(m,)``.
+        before: Whether a border between zones belongs to the zone before it instead of the zone after it.
+    """
+    sigma = np.asarray(sigma, dtype=float)
+    cell, xi = state.located(sigma, before=before)
+    (r, theta, p, f), (dr, kappa) = state.at(cell, xi), state.slopes_at(cell, xi)
+    D = _norm(dr)
+    return Fields.from_state(
+        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
+        D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+    )  # fmt: skip
+
+
+def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
+    """Fields at ``count`` points of each cell; the borders between zones appear once for each side."""
+    at, mesh, values, length = local(state.degree), state.mesh, state.values, state.length[:, None]
+    nodal, slopes, gauss, simpson = tables(state.degree, count)
+    dr, once = state.dr(slopes), mesh.once(count)
+    D = _norm(dr)
+    weight = length * simpson
+    weight[:-1, -1] += np.where(mesh.zone[1:] == mesh.zone[:-1], weight[1:, 0], 0.0)
+    everywhere = {
+        "zone": np.repeat(mesh.zone, count).reshape(-1, count),
+        "weight": weight,
+        "sigma": state.sigma[:, :1] + length * uniform(count),
+        "r": state.r(uniform(count), nodal),
+        "theta": values[:, at.theta] @ nodal.T,
+        "phi": np.arctan2(dr[..., 1], dr[..., 0]),
+        "D": D,
+        "kappa": values[:, at.theta] @ slopes.T / length,
+        "p": values[:, at.p] @ gauss.T,
+        "f": values[:, at.f] @ gauss.T,
+        "v_rel": D - pulley_speed(scene, state),
+    }
+    return Fields.from_state(scene.belt, **{name: field[once] for name, field in everywhere.items()})
+
+
+def answer(scene: Scene, state: State) -> dict[str, Any]:
+    """Contact, zones and fields of a state, as arguments of a solution."""
+    mesh, pulley, ends = state.mesh, scene.pulleys[0], state.ends
+    r = state.ends_r
+    border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
+    x = border[:, 0]
+    zones = tuple(
+        Zone(kind=part.kind, slip=part.slip, sigma=(float(a), float(b)), x=(float(xa), float(xb)))
+        for part, a, b, xa, xb in zip(mesh.zones.parts, ends[:-1], ends[1:], x[:-1], x[1:], strict=True)
+    )
+    up, off = border[[1, -2]] - pulley.center
+    contact = Contact(
+        omega=pulley_speed(scene, state) / pulley.radius,
+        x_up=zones[1].x[0],
+        x_trans=zones[mesh.zones.transition].x[1],
+        x_off=zones[-1].x[0],
+        torque=-pulley.radius * state.friction_force,
+        wrap_angle=math.atan2(up[1], up[0]) - math.atan2(off[1], off[0]),
+        zones=zones[1:-1],
+    )
+    return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}
+
+
+def _norm(vectors: Array) -> Array:
+    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
