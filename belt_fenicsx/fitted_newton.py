@@ -87,8 +87,7 @@ class Newton:
             if not math.isfinite(change):
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
-            self._u += step
-            self._onto_pulley()
+            self._advance(step)
             if change <= self._arrived and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
@@ -109,19 +108,24 @@ class Newton:
             step *= LARGEST_STEP / shortening
         return step, float(np.abs(scalars).max()), shortening
 
-    def _onto_pulley(self) -> None:
-        """Brings the nodes in contact back to the pulley, and those of the free zones along with its ends.
+    def _advance(self, step: Array) -> None:
+        """Takes a step; nodes in contact go along the pulley, and those of the free zones follow the ends of contact.
 
-        A straight step leaves the circle by the square of its length. Where a border moves through a short zone, the
-        pressure and the friction that would take it back are those of a kinked belt, and by them the next step would
-        place the border.
+        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
+        through a short zone, the pressure and the friction that would mend this are larger than those by which the next
+        step has to place the border.
         """
         (before, touching, after), (center, radius) = self._nodes, self._circle
-        arm = self._u[touching] - center
-        back = arm * (radius / np.sqrt((arm**2).sum(axis=2, keepdims=True)) - 1.0)
-        self._u[before] += self._along[0] * back[0, 0]
-        self._u[after] += self._along[1] * back[-1, 1]
-        self._u[touching] = center + arm + back
+        arm, moved = self._u[touching] - center, step[touching]
+        across = np.stack([-arm[..., 1], arm[..., 0]], axis=2)
+        square = (arm**2).sum(axis=2, keepdims=True)
+        angle = (moved * across).sum(axis=2, keepdims=True) / square
+        new = center + (np.cos(angle) * arm + np.sin(angle) * across) * (radius / np.sqrt(square))
+        self._u += step
+        bent = new - self._u[touching]
+        self._u[before] += self._along[0] * bent[0, 0]
+        self._u[after] += self._along[1] * bent[-1, 1]
+        self._u[touching] = new
 
     def _scene_data(self, scene: Scene, state: State) -> None:
         belt, pulley = scene.belt, scene.pulleys[0]

@@ -34,6 +34,7 @@ ARRIVED = 1e-3  # largest step of the borders, in belt lengths, and of the stret
 MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
+PRESSED = 2.0  # bending layers, in the free span of a belt that its clamp presses onto the pulley
 COARSE = 80  # elements of the augmented Lagrangian
 
 
@@ -148,7 +149,7 @@ def _pressed(scene: Scene, string: TautString) -> tuple[float, float] | None:
         across = scene.span / 2 + sign * pulley.center[0]
         turn = math.atan2(across, -pulley.center[1])
         length = 3.0 * (math.hypot(across, pulley.center[1]) - pulley.radius) / turn
-        if length < layer:
+        if length < PRESSED * layer:
             angles[end], pressed = sign * (turn - length / pulley.radius), True
     return (angles[0], angles[1]) if pressed else None
 
