@@ -94,32 +94,33 @@ class Iteration:
             if not math.isfinite(change):
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
-            shortening = self._moved(step, scalars[:-1])
+            moved, shortening = self._moved(step, scalars[:-1])
             shortest = self.values[:, self._at.sigma[1]].min()
             if change <= self._arrived * shortest and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
-            self._onto_pulley()
+            self._onto_pulley(moved)
             held = False
         snes.setConvergedReason(reason)
 
-    def _moved(self, step: Array, borders: Array) -> float:
+    def _moved(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Takes a step, shortened where a border would come too close to the next one.
 
         Returns:
-            The largest part that the full step takes from a zone.
+            The step of the nodes ``(n, k + 1, 2)``, and the largest part that the full step takes from a zone.
         """
         borders = np.concatenate([[0.0], borders, [0.0]])
         shortening = float(((borders[:-1] - borders[1:]) / (self.ends[1:] - self.ends[:-1])).max())
         if shortening > LARGEST_STEP:
             step, borders = step * (LARGEST_STEP / shortening), borders * (LARGEST_STEP / shortening)
         self.ends = self.ends + borders
-        self._shifted(step[:, self._at.r])
+        moved = step[:, self._at.r]
+        self._shifted(moved)
         step[:, self._at.r] = 0.0
         self.values += step
         lengths = (self.ends[1:] - self.ends[:-1])[self._zone]
         self.values[:, self._at.sigma[1]] = lengths * (self._cells[:, 1] - self._cells[:, 0])
-        return shortening
+        return moved, shortening
 
     def _shifted(self, shift: Array) -> None:
         """Shifts nodes ``(n, k + 1, 2)``."""
@@ -129,17 +130,26 @@ class Iteration:
         deviation = shift - left[:, None] - self._nodes[:, None] * along[:, None]
         self.values[:, self._at.r] += deviation
 
-    def _onto_pulley(self) -> None:
-        """Brings the nodes in contact back to the pulley, and those of the free zones along with its ends.
+    def _onto_pulley(self, moved: Array) -> None:
+        """Bends the way of nodes that moved on the pulley to the pulley, and lets the free zones follow its ends.
 
-        A straight step leaves the circle by the square of its length. Where a border moves through a short zone, the
-        pressure and the friction that would take it back are those of a kinked belt, and by them the next step would
-        place the border.
+        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
+        through a short zone, the pressure and the friction that would mend this are larger than those by which the next
+        step has to place the border.
+
+        Args:
+            moved: Step of the nodes ``(n, k + 1, 2)``.
         """
-        contact = self._contact
-        arm = on_chords(self.chords[contact], self._nodes) + self.values[contact][:, self._at.r] - self._center
-        shift = np.empty((len(self.values), *arm.shape[1:]))
-        shift[contact] = arm * (self._radius / np.sqrt((arm**2).sum(axis=2, keepdims=True)) - 1.0)
+        contact, straight = self._contact, moved[self._contact]
+        arm = (
+            on_chords(self.chords[contact], self._nodes) + self.values[contact][:, self._at.r] - self._center - straight
+        )
+        across = np.stack([-arm[..., 1], arm[..., 0]], axis=2)
+        square = (arm**2).sum(axis=2, keepdims=True)
+        angle = (straight * across).sum(axis=2, keepdims=True) / square
+        around = (np.cos(angle) * arm + np.sin(angle) * across) * (self._radius / np.sqrt(square))
+        shift = np.empty_like(moved)
+        shift[contact] = around - arm - straight
         # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
         place = (self._cells[:, :1] + np.diff(self._cells) * self._nodes)[..., None]
         shift[self._before] = place[self._before] ** 2 * shift[contact][0, 0]

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -24,14 +25,15 @@ from belt_fenicsx.fitted_order import SHORTEST, transition
 from belt_fenicsx.fitted_state import State, from_fields, from_string
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
 from belt_fenicsx.solution import Solution, Stage, Status
-from belt_fenicsx.taut_string import taut_string
-from belt_fenicsx.zones import STICK, Part, Zones, ordered, posed
+from belt_fenicsx.taut_string import TautString, taut_string
+from belt_fenicsx.zones import STICK, Part, Zones, bending_layer, ordered, posed
 
 LOWEST = 4  # degree
 ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
 MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
+PRESSED = 2.0  # bending layers, in the free span of a belt that its clamp presses onto the pulley
 COARSE = 80  # elements of the augmented Lagrangian
 
 
@@ -110,21 +112,43 @@ def starts(run: Run, initial: Solution | None) -> list[Callable[[Run], State]]:
     return [*ways, _from_string, _bent, _from_softer, _from_pure_stick, _found]
 
 
-def _from_string(run: Run, *, held: bool = False) -> State:
+def _from_string(run: Run) -> State:
+    """From the string, which knows where a belt touches that is short of bending stiffness, or of clamps near by."""
+    return _bent(run, held=False)
+
+
+def _bent(run: Run, *, held: bool = True) -> State:
+    """From the string, by a first step that bends the belt and leaves the borders where they are."""
     pulley = run.scene.pulleys[0]
     if pulley.friction == 0.0 and pulley.torque:
         raise Stopped(Status.CAPACITY_EXCEEDED, "Without friction, the belt transmits 0 N m.")
     string = taut_string(run.scene)
     if string is None:
         raise Stopped(Status.CONTACT_LOST, "The straight belt is clear of the pulley.")
+    pressed = _pressed(run.scene, string)
+    if pressed is not None:
+        string, held = taut_string(run.scene, pressed) or string, True
     start = from_string(run.scene, string, posed(run.scene), LOWEST, run.elements)
     run.ran("taut string", "first guess")
     return run.newton(start, "the taut string", held=held)
 
 
-def _bent(run: Run) -> State:
-    """From the string, with the belt bent between the string's borders before they move."""
-    return _from_string(run, held=True)
+def _pressed(scene: Scene, string: TautString) -> tuple[float, float] | None:
+    """Angles at which contact begins and ends, where a clamp next to the pulley presses the belt onto it.
+
+    Within its bending layer, the belt comes from the clamp to the pulley as a cubic parabola, whatever its tension: it
+    goes down by the clamp's distance from the pulley, and turns by the angle from the clamp's direction to the tangent.
+    """
+    pulley, layer = scene.pulleys[0], bending_layer(scene, float(np.mean(string.strain)))
+    angles = [float(string.angles[0]), float(string.angles[-1])]
+    pressed = False
+    for end, sign in enumerate((1.0, -1.0)):
+        across = scene.span / 2 + sign * pulley.center[0]
+        turn = math.atan2(across, -pulley.center[1])
+        length = 3.0 * (math.hypot(across, pulley.center[1]) - pulley.radius) / turn
+        if length < PRESSED * layer:
+            angles[end], pressed = sign * (turn - length / pulley.radius), True
+    return (angles[0], angles[1]) if pressed else None
 
 
 def _from_softer(run: Run) -> State:
@@ -132,7 +156,7 @@ def _from_softer(run: Run) -> State:
     belt = run.scene.belt
     softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
     way = replace(run, scene=replace(run.scene, belt=softer))
-    state = _from_string(way, held=True)
+    state = _bent(way)
     return run.on(posed(run.scene), state.ends, state, "a belt that bends more easily")
 
 

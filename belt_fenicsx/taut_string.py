@@ -65,7 +65,7 @@ class TautString:
         return np.clip(np.searchsorted(self.sigma, sigma, side="right") - 1, 0, self.stretches.size - 1)
 
 
-def taut_string(scene: Scene) -> TautString | None:
+def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> TautString | None:
     """The string over the pulley of a scene.
 
     A transition outside of the string's contact is moved into it. In pure stick the string's transition is its
@@ -73,18 +73,20 @@ def taut_string(scene: Scene) -> TautString | None:
 
     Args:
         scene: The scene.
+        contact: Angles of the tangent at the run-up and at the run-off [rad]; by default, those of straight spans.
+            With others, the spans are arcs.
 
     Returns:
         The string, or None where it is straight and clear of the pulley.
     """
     pulley, clamp = scene.pulleys[0], np.array([scene.span / 2, 0.0])
-    up, before = _tangent(pulley, scene.span / 2 + pulley.center[0])
-    off, after = _tangent(pulley, scene.span / 2 - pulley.center[0])
-    off = -off
+    across = [scene.span / 2 + pulley.center[0], scene.span / 2 - pulley.center[0]]
+    up, off = contact or (_tangent(pulley, across[0]), -_tangent(pulley, across[1]))
     if up <= off:
         return None
+    (start, before), (end, after) = _span(pulley, across[0], up), _span(pulley, across[1], -off)
     trans = _transition(pulley, up, off)
-    phi_ends = np.concatenate([[up, up], np.linspace(trans, off, SLIP_PIECES + 1), [off]])
+    phi_ends = np.concatenate([[start, up], np.linspace(trans, off, SLIP_PIECES + 1), [-end]])
     lengths = np.concatenate([[before], -pulley.radius * np.diff(phi_ends[1:-1]), [after]])
     sense = -1.0 if pulley.slip == "backward" else 1.0
     growth = np.exp(sense * pulley.friction * (trans - np.clip((phi_ends[1:] + phi_ends[:-1]) / 2, off, trans)))
@@ -107,11 +109,16 @@ def taut_string(scene: Scene) -> TautString | None:
     )
 
 
-def _tangent(pulley: Pulley, across: float) -> tuple[float, float]:
-    """Angle and length of the tangent to the pulley from a clamp, ``across`` from the centre."""
-    distance = math.hypot(across, pulley.center[1])
-    angle = math.atan2(pulley.center[1], across) + math.asin(pulley.radius / distance)
-    return angle, math.sqrt(distance**2 - pulley.radius**2)
+def _tangent(pulley: Pulley, across: float) -> float:
+    """Angle of the tangent to the pulley from a clamp, ``across`` from the centre."""
+    return math.atan2(pulley.center[1], across) + math.asin(pulley.radius / math.hypot(across, pulley.center[1]))
+
+
+def _span(pulley: Pulley, across: float, angle: float) -> tuple[float, float]:
+    """Angle at the clamp and length of the arc from there to the pulley, where it has the angle of its tangent."""
+    x, y = across - pulley.radius * math.sin(angle), pulley.center[1] + pulley.radius * math.cos(angle)
+    start = 2.0 * math.atan2(y, x) - angle
+    return start, math.hypot(x, y) / float(np.sinc((angle - start) / (2 * np.pi)))
 
 
 def _transition(pulley: Pulley, up: float, off: float) -> float:
