@@ -67,16 +67,12 @@ def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance:
     checks = [_borders_in_order(scene, zones)]
 
     def check(name: str, margin: Array, where: Array) -> None:
-        if np.any(where):
-            index = int(np.argmin(np.where(np.isnan(margin), -np.inf, margin)[where]))
-            checks.append(
-                Check(
-                    name=name,
-                    margin=float(margin[where][index]),
-                    tolerance=tolerance,
-                    x=float(fields.x[where][index]),
-                )
-            )
+        # The smallest of them is NaN where one of them is.
+        margins = margin[where]
+        if margins.size:
+            index = int(margins.argmin())
+            x = float(fields.x[where][index])
+            checks.append(Check(name=name, margin=float(margins[index]), tolerance=tolerance, x=x))
 
     check("no penetration outside contact", gap / pulley.radius, ~touching)
     check("positive pressure in contact", fields.p / (p_max or math.nan), touching)
@@ -99,33 +95,28 @@ def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
     spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to
     the whole pressure.
     """
-    radius, center = scene.pulleys[0].radius, np.asarray(scene.pulleys[0].center)
-    (e1, e2), (t, n) = _axes(fields.theta), _axes(fields.phi)
-    arm = fields.r - center
-    force = fields.Q[:, :1] * e1 + fields.Q[:, 1:] * e2
-    load = fields.f[:, None] * t + fields.p[:, None] * n
-    whole = fields.weight @ fields.p
+    pulley, whole = scene.pulleys[0], fields.weight @ fields.p
     if not whole > 0.0:
         return []
-    moment = fields.M + _cross(arm, force)
+    # Vectors in the complex plane.
+    arm = fields.x - pulley.center[0] + 1j * (fields.y - pulley.center[1])
+    force = (fields.Q[:, 0] + 1j * fields.Q[:, 1]) * np.exp(1j * fields.theta)
+    load = (fields.f + 1j * fields.p) * np.exp(1j * fields.phi)
+    moment = fields.M + (arm.conj() * force).imag
     # Constant in a free span; its mean is what a fixed mesh holds in equilibrium where it does not resolve the layers.
-    first, last = (np.where(fields.zone == zone, fields.weight, 0.0) for zone in (0, fields.zone[-1]))
-    first, last = first / first.sum(), last / last.sum()
-    defect = fields.weight @ load + last @ force - first @ force
-    twist = fields.weight @ _cross(arm, load) + last @ moment - first @ moment
+    first, last = (_mean(fields.zone == zone, fields.weight) for zone in (0, fields.zone[-1]))
+    defect = fields.weight @ load + (last - first) @ force
+    twist = fields.weight @ (arm.conj() * load).imag + (last - first) @ moment
     return [
-        ("balance of forces", -float(np.hypot(*defect) / whole)),
-        ("balance of moments", -float(abs(twist) / (whole * radius))),
+        ("balance of forces", -float(abs(defect) / whole)),
+        ("balance of moments", -float(abs(twist) / (whole * pulley.radius))),
     ]
 
 
-def _axes(angle: Array) -> tuple[Array, Array]:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([c, s]), np.column_stack([-s, c])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+def _mean(where: Array, weight: Array) -> Array:
+    """Weights of the mean over a part of the belt."""
+    part = where * weight
+    return part / part.sum()
 
 
 def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:

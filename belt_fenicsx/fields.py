@@ -120,9 +120,12 @@ class Fields:
 
     def in_units(self, units: Units) -> Fields:
         """The fields of a dimensionless scene in the given units."""
-        scaled = {"weight": self.weight * units.length}
-        scaled |= {name: getattr(self, name) * _unit(quantity, units) for name, quantity in QUANTITIES.items()}
-        return replace(self, **scaled)
+        scaled = {
+            name: getattr(self, name) * units.of(length=quantity.length, force=quantity.force, rate=quantity.rate)
+            for name, quantity in QUANTITIES.items()
+            if quantity.length or quantity.force or quantity.rate
+        }
+        return replace(self, weight=self.weight * units.length, **scaled)
 
 
 def simpson_weights(x: Array) -> Array:
@@ -142,7 +145,3 @@ def simpson_weights(x: Array) -> Array:
         weights[-2] += last * (last + 3.0 * before) / (6.0 * before)
         weights[-3] -= last**3 / (6.0 * before * (before + last))
     return weights
-
-
-def _unit(quantity: Quantity, units: Units) -> float:
-    return units.of(length=quantity.length, force=quantity.force, rate=quantity.rate)

@@ -208,16 +208,17 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT
         estimate = max(left * change_of_known, rounding(higher))
         state, change_before = higher, change_of_p
-        if k == LOWEST + 2 or (change_of_p <= COARSEST and not judged):
-            judged, state = change_of_p <= COARSEST, reviewed(run, higher, max(BREACH, change_of_p))
+        early = k == LOWEST + 2 or (change_of_p <= COARSEST and not judged)
+        known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
+        final = k >= last and (known or k == degree)
+        if early or (final and k < (degree or HIGHEST)):
+            judged = change_of_p <= COARSEST
+            state = reviewed(run, higher, max(TOLERANCE if final else BREACH, change_of_p))
             if state.mesh.zones != higher.mesh.zones:
                 change_before = 0.0
                 continue
-        known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
-        if k >= last and (known or k == degree):
-            state = reviewed(run, higher, max(TOLERANCE, change_of_p)) if k < (degree or HIGHEST) else higher
-            if state.mesh.zones == higher.mesh.zones:
-                break
+        if final:
+            break
     return state, estimate, change_of_p
 
 

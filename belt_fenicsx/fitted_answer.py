@@ -30,11 +30,11 @@ def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
 
 def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
     """sigma, p, f and D densely along a zone."""
-    at, cells = local(state.degree), state.mesh.zone == index
+    at, cells = local(state.degree), state.mesh.cells(index)
     _, slopes, gauss, _ = tables(state.degree, POINTS)
-    values = state.values[cells]
-    D = _norm(state.dr(slopes)[cells])
-    sigma = state.sigma[cells, :1] + state.length[cells, None] * uniform(POINTS)
+    values, length = state.values[cells], state.length[cells, None]
+    D = _norm(state.chords[cells, None, 2:] + slopes @ values[:, at.r]) / length
+    sigma = state.sigma[cells, :1] + length * uniform(POINTS)
     return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
 
 

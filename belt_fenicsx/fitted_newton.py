@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,13 @@ from petsc4py import PETSc
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
-from belt_fenicsx.fitted_state import State, on_chords
+from belt_fenicsx.fitted_state import State
 from belt_fenicsx.petsc_options import set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
+MOST_ITERATIONS = 30
 SETTLED = 0.1  # of the same, that the last step may take
 
 
@@ -44,12 +44,16 @@ class Iteration:
         (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
         coefficients = np.empty((n, dofs + on.shape[1] + 4))
         self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
+        # In the complex plane, a turn is a product.
+        self._positions = slice(2 * (degree + 1))
+        self._deviation, chords = self.values[:, self._positions].view(complex), self.chords.view(complex)
+        self._start, self._along = chords[:, :1], chords[:, 1:]
         switched[:] = on
         self._constants = np.zeros(len(CONSTANTS))
         compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
-        self._zone, self._at, self._nodes = mesh.zone, local(degree), points(degree)[0]
+        self._zone, self._length, self._nodes = mesh.zone, local(degree).sigma[1], points(degree)[0]
         self._before, self._after = slice(mesh.ends[0]), slice(mesh.ends[-1], n)
         self._contact = slice(mesh.ends[0], mesh.ends[-1])
         self._weights = np.empty((n, 2, 2))
@@ -73,7 +77,8 @@ class Iteration:
             "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
-        self._center, self._radius, self._arrived, self._held = pulley.center, pulley.radius, arrived, held
+        self._center, self._radius = complex(*pulley.center), pulley.radius
+        self._arrived, self._held = arrived, held
         self.values[:], self.chords[:], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
@@ -95,8 +100,7 @@ class Iteration:
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
             moved, shortening = self._moved(step, scalars[:-1])
-            shortest = self.values[:, self._at.sigma[1]].min()
-            if change <= self._arrived * shortest and shortening <= SETTLED and not held:
+            if change <= self._arrived * self.values[:, self._length].min() and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
             self._onto_pulley(moved)
@@ -107,28 +111,29 @@ class Iteration:
         """Takes a step, shortened where a border would come too close to the next one.
 
         Returns:
-            The step of the nodes ``(n, k + 1, 2)``, and the largest part that the full step takes from a zone.
+            The step of the nodes, in the complex plane ``(n, k + 1)``, and the largest part that the full step takes
+            from a zone.
         """
-        borders = np.concatenate([[0.0], borders, [0.0]])
-        shortening = float(((borders[:-1] - borders[1:]) / (self.ends[1:] - self.ends[:-1])).max())
+        way = np.zeros(self.ends.size)
+        way[1:-1] = borders
+        shortening = float(((way[:-1] - way[1:]) / (self.ends[1:] - self.ends[:-1])).max())
         if shortening > LARGEST_STEP:
-            step, borders = step * (LARGEST_STEP / shortening), borders * (LARGEST_STEP / shortening)
-        self.ends = self.ends + borders
-        moved = step[:, self._at.r]
+            step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
+        self.ends = self.ends + way
+        moved, others = step[:, self._positions].view(complex), slice(self._positions.stop, None)
         self._shifted(moved)
-        step[:, self._at.r] = 0.0
-        self.values += step
+        self.values[:, others] += step[:, others]
         lengths = (self.ends[1:] - self.ends[:-1])[self._zone]
-        self.values[:, self._at.sigma[1]] = lengths * (self._cells[:, 1] - self._cells[:, 0])
+        self.values[:, self._length] = lengths * (self._cells[:, 1] - self._cells[:, 0])
         return moved, shortening
 
     def _shifted(self, shift: Array) -> None:
-        """Shifts nodes ``(n, k + 1, 2)``."""
-        left, along = shift[:, 0], shift[:, 1] - shift[:, 0]
-        self.chords[:, :2] += left
-        self.chords[:, 2:] += along
-        deviation = shift - left[:, None] - self._nodes[:, None] * along[:, None]
-        self.values[:, self._at.r] += deviation
+        """Shifts nodes, in the complex plane ``(n, k + 1)``."""
+        left = shift[:, :1]
+        along = shift[:, 1:2] - left
+        self._start += left
+        self._along += along
+        self._deviation += shift - (left + self._nodes * along)
 
     def _onto_pulley(self, moved: Array) -> None:
         """Bends the way of nodes that moved on the pulley to the pulley, and lets the free zones follow its ends.
@@ -138,20 +143,16 @@ class Iteration:
         step has to place the border.
 
         Args:
-            moved: Step of the nodes ``(n, k + 1, 2)``.
+            moved: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
-        contact, straight = self._contact, moved[self._contact]
-        arm = (
-            on_chords(self.chords[contact], self._nodes) + self.values[contact][:, self._at.r] - self._center - straight
-        )
-        across = np.stack([-arm[..., 1], arm[..., 0]], axis=2)
-        square = (arm**2).sum(axis=2, keepdims=True)
-        angle = (straight * across).sum(axis=2, keepdims=True) / square
-        around = (np.cos(angle) * arm + np.sin(angle) * across) * (self._radius / np.sqrt(square))
-        shift = np.empty_like(moved)
-        shift[contact] = around - arm - straight
+        contact, shift = self._contact, np.empty_like(moved)
+        straight, chord = moved[contact], self._start[contact] + self._nodes * self._along[contact]
+        arm = chord + self._deviation[contact] - straight - self._center
+        distance = np.abs(arm)
+        turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
+        shift[contact] = arm * (turn * (self._radius / distance) - 1.0) - straight
         # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
-        place = (self._cells[:, :1] + np.diff(self._cells) * self._nodes)[..., None]
+        place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
         shift[self._before] = place[self._before] ** 2 * shift[contact][0, 0]
         shift[self._after] = (1.0 - place[self._after]) ** 2 * shift[contact][-1, 1]
         self._shifted(shift)
@@ -174,7 +175,8 @@ class Newton:
         self.snes = PETSc.SNES().create(PETSc.COMM_SELF)
         self.snes.setType("python")
         self.snes.setFunction(lambda *_: None, self._b)
-        set_options(self.snes, {"snes_max_it": 30}, options)
+        self.snes.setTolerances(max_it=MOST_ITERATIONS)
+        set_options(self.snes, {}, options)
 
     def close(self) -> None:
         """Destroys what PETSc holds."""
@@ -192,7 +194,8 @@ class Newton:
         self.snes.setPythonContext(iteration)
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()
-        state = replace(start, values=iteration.values.copy(), chords=iteration.chords.copy(), ends=iteration.ends)
+        values, chords = iteration.values.copy(), iteration.chords.copy()
+        state = State(start.mesh, start.cells, start.degree, iteration.ends, chords, values)
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
 
 

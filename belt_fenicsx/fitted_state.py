@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,8 +53,8 @@ class State:
     @property
     def sigma(self) -> Array:
         """Both ends of each cell in the material-length coordinate ``(n, 2)``."""
-        zone = self.mesh.zone[:, None]
-        return self.ends[zone] + np.diff(self.ends)[zone] * self.cells
+        zone, ends = self.mesh.zone[:, None], self.ends
+        return ends[zone] + (ends[1:] - ends[:-1])[zone] * self.cells
 
     @property
     def ends_r(self) -> Array:
@@ -94,7 +94,7 @@ class State:
         values[:, new.p] = self.values[:, old.p] @ gauss.T
         values[:, new.f] = self.values[:, old.f] @ gauss.T
         values[:, new.sigma], values[:, new.D] = self.values[:, old.sigma], self.values[:, old.D]
-        return replace(self, degree=degree, values=values)
+        return State(self.mesh, self.cells, degree, self.ends, self.chords, values)
 
     def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
         """Cell and reference coordinate of points; at a border, those of the cell after it, or before it."""

@@ -240,7 +240,9 @@ class Pulley:
     @property
     def drive(self) -> str:
         """Which of ``"x_trans"``, ``"omega"``, ``"torque"`` is given."""
-        return next(name for name in DRIVES if getattr(self, name) is not None)
+        if self.x_trans is not None:
+            return "x_trans"
+        return "omega" if self.omega is not None else "torque"
 
 
 @dataclass(frozen=True, kw_only=True)

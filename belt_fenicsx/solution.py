@@ -49,11 +49,8 @@ class Zone:
     def in_units(self, units: Units) -> Zone:
         """The zone of a dimensionless scene in the given units."""
         length = units.length
-        return replace(
-            self,
-            sigma=(self.sigma[0] * length, self.sigma[1] * length),
-            x=(self.x[0] * length, self.x[1] * length),
-        )
+        sigma, x = (tuple(end * length for end in ends) for ends in (self.sigma, self.x))
+        return Zone(kind=self.kind, slip=self.slip, sigma=sigma, x=x)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,13 +78,13 @@ class Contact:
     def in_units(self, units: Units) -> Contact:
         """The contact of a dimensionless scene in the given units."""
         length = units.length
-        return replace(
-            self,
+        return Contact(
             omega=self.omega * units.of(length=-1, rate=1),
             x_up=self.x_up * length,
             x_trans=self.x_trans * length,
             x_off=self.x_off * length,
             torque=self.torque * units.of(length=1, force=1),
+            wrap_angle=self.wrap_angle,
             zones=tuple(zone.in_units(units) for zone in self.zones),
         )
 

@@ -26,7 +26,7 @@ BEFORE, AFTER = 0, 1
 # Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
 # free spans are straight outside of their layers, contact is curved all along.
 FIRST_FREE, GROWTH_FREE = 0.5, 4.0
-FIRST_CONTACT, GROWTH_CONTACT = 1.5, 1.5
+FIRST_CONTACT, GROWTH_CONTACT = 1.5, 2.0
 FEWEST = 2  # cells of a zone
 
 
@@ -118,6 +118,11 @@ class Mesh:
     def ends(self) -> Array:
         """Nodes at the borders between zones ``(len(counts) - 1,)``."""
         return np.cumsum(self.counts)[:-1]
+
+    def cells(self, index: int) -> slice:
+        """Cells of a zone."""
+        end = sum(self.counts[: index + 1])
+        return slice(end - self.counts[index], end)
 
     @functools.cached_property
     def touches(self) -> Array:
