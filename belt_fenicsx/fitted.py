@@ -184,15 +184,21 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         estimate = max(left * change_of_known, rounding(higher))
         state, change_before = higher, change_of_p
         if k == LOWEST + 2 or (change_of_p <= COARSEST and not judged):
-            judged, state = change_of_p <= COARSEST, reviewed(run, higher, max(BREACH, change_of_p))
+            judged = change_of_p <= COARSEST
+            # Where other zones are not found, friction may be known too coarsely: a higher degree goes on from the same.
+            with contextlib.suppress(Stopped):
+                state = reviewed(run, higher, max(BREACH, change_of_p))
             if state.mesh.zones != higher.mesh.zones:
                 change_before = 0.0
                 continue
         known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
         if k >= last and (known or k == degree):
-            state = reviewed(run, higher, max(TOLERANCE, change_of_p)) if k < (degree or HIGHEST) else higher
-            if state.mesh.zones == higher.mesh.zones:
+            if k == (degree or HIGHEST):
                 break
+            with contextlib.suppress(Stopped):
+                state = reviewed(run, higher, max(TOLERANCE, change_of_p))
+                if state.mesh.zones == higher.mesh.zones:
+                    break
     return state, estimate, change_of_p
 
 
