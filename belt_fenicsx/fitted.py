@@ -28,11 +28,12 @@ from mpi4py import MPI
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
+from belt_fenicsx.fitted_limits import check_limits, near_by
 from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import change
-from belt_fenicsx.fitted_start import LOWEST, Run, Stopped, meets, starts
+from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, Stopped, meets, starts
 from belt_fenicsx.fitted_state import State
-from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError
+from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
 
 METHOD = "fitted"
@@ -47,7 +48,6 @@ CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
 SHORT = 0.012
 ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
-NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
@@ -93,7 +93,13 @@ def solve(
         run = Run(scene, dimensionless, units, elements, newton)
         solution = solved(run, initial, rtol, degree)
     if not solution.success:
-        check_limits(scene)
+        check_limits(scene, solve)
+        if initial is None and (near := near_by(scene, solve)) is not None:
+            asked = {"rtol": rtol, "elements": elements, "degree": degree, "options": options}
+            again = solve(scene, **asked, initial=near, throw=False)
+            if again.success:
+                stages, iterations = (*solution.stages, *again.stages), solution.iterations + again.iterations
+                solution = replace(again, stages=stages, iterations=iterations)
     return finish(solution, throw=throw)
 
 
@@ -147,40 +153,9 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
             if stopped.status is not Status.NEWTON_DIVERGED:
                 raise
             if failure is None:
-                check_limits(run.asked)
+                check_limits(run.asked, solve)
             failure = failure or stopped
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
-
-
-def check_limits(scene: Scene) -> None:
-    """Checks that the transition lies where stick can end: between where it does in pure slip and in pure stick.
-
-    Raises:
-        SceneError: It does not.
-    """
-    pulley = scene.pulleys[0]
-    if pulley.x_trans is None or isinstance(pulley.x_trans, str):
-        return
-    limits = [
-        solve(replace(scene, pulleys=(replace(pulley, x_trans=limit),)), rtol=1e-6, throw=False)
-        for limit in (RUN_UP, RUN_OFF)
-    ]
-    if all(limit.success for limit in limits):
-        first, last = nearest_to_stick(limits[0]), limits[1].contacts[0].x_trans
-        if not first < pulley.x_trans < last:
-            where = f"lie where stick can end in the contact zone, in ({first:.6g}, {last:.6g}) [m]"
-            raise SceneError("pulleys.0.x_trans", where, pulley.x_trans)
-
-
-def nearest_to_stick(slid: Solution) -> float:
-    """Where the transition goes when sliding spreads over the contact: to the place where it is slowest.
-
-    Next to the run-off, where sliding turns instead, the transition does not get; then it goes to the run-up.
-    """
-    (contact,), fields = slid.contacts, slid.fields
-    sliding = fields.zone == 1
-    place = float(fields.x[sliding][np.argmin(np.abs(fields.v_rel[sliding]))])
-    return place if place < (contact.x_up + contact.x_off) / 2 else contact.x_up
 
 
 def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[State, float, float]:
@@ -213,7 +188,11 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         final = k >= last and (known or k == degree)
         if early or (final and k < (degree or HIGHEST)):
             judged = change_of_p <= COARSEST
-            state = reviewed(run, higher, max(TOLERANCE if final else BREACH, change_of_p))
+            try:
+                state = reviewed(run, higher, max(TOLERANCE if final else BREACH, change_of_p))
+            except Stopped:
+                # Other zones are not found where friction is known too coarsely: a higher degree goes on from the same.
+                continue
             if state.mesh.zones != higher.mesh.zones:
                 change_before = 0.0
                 continue

@@ -49,10 +49,13 @@ def pulley_speed(scene: Scene, state: State) -> float:
     if state.mesh.zones.transition or pulley.friction == 0.0:
         return state.D_stick
     sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
-    while (i := int(np.argmin(sense * D))) not in (0, D.size - 1) and sigma[i + 1] - sigma[i - 1] > CLOSE:
-        sigma = np.linspace(sigma[i - 1], sigma[i + 1], POINTS)
+    slowest, last = int(np.argmin(sense * D)), D.size - 1
+    while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
+        # Where cells meet, a point counts twice.
+        sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
         D = _norm(state.slopes_at(*state.located(sigma))[0])
-    return float(D[i])
+        slowest, last = int(np.argmin(sense * D)), D.size - 1
+    return float(D[slowest])
 
 
 def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:

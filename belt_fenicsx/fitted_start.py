@@ -30,6 +30,7 @@ from belt_fenicsx.zones import STICK, Part, Zones, bending_layer, ordered, posed
 
 LOWEST = 4  # degree
 ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
+NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
 MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
@@ -168,7 +169,8 @@ def _warm(run: Run, initial: Solution) -> State:
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
     units = initial.scene.dimensionless()[1].inverse()
     sigma = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
-    state = run.on(ordered(run.scene, contact), sigma, initial.fields.in_units(units), "the given solution")
+    old = initial.state if isinstance(initial.state, State) else initial.fields.in_units(units)
+    state = run.on(ordered(run.scene, contact), sigma, old, "the given solution")
     run.skipped("taut string", "a solution was given to start from")
     return state
 
@@ -200,7 +202,7 @@ def in_pure_stick(run: Run) -> State:
     pure = run.driven_by(RUN_OFF)
     stick = _first(pure, [_from_string, _bent, _from_softer])
     _, up, off, _ = stick.ends
-    if off - up < SHORTEST or stick.values[:, local(LOWEST).p].min() < 0.0:
+    if off - up < SHORTEST or (p := stick.values[:, local(LOWEST).p]).min() < -NEGATIVE * p.max():
         raise Stopped(Status.NEWTON_DIVERGED, "Pure stick was not found from the taut string.")
     return stick
 

@@ -29,24 +29,22 @@ def test_a_sample_agrees(stress):
     assert sum(outcome.cause == stress["AGREED"] for outcome in outcomes) >= 20
 
 
-# Contact of a hundredth of the span: the fitted method names a failure, the boundary-value problem has the answer.
-UNSOLVED = {"pulley top 0.001 m", "pulley top 0.01 m"}
-ESTIMATED_TOO_LOW = "pure stick, friction 0.03"
+# Contact of a few thousandths of the span: to the accuracy that the stress test asks for, rounding gets in the way.
+INACCURATE = "pulley top 0.001 m"
 
 
 def test_extremes(stress):
-    scenes = {name: scene for name, scene in stress["extremes"]().items() if name != ESTIMATED_TOO_LOW}
+    scenes = {name: scene for name, scene in stress["extremes"]().items() if name != INACCURATE}
     causes = {name: stress["outcome"](0, scene).cause for name, scene in scenes.items()}
-    failed = {name: cause for name, cause in causes.items() if cause != stress["AGREED"]}
-    assert set(failed) <= UNSOLVED
-    assert all(cause.endswith("BVP: SOLVED") for cause in failed.values())
+    assert {name: cause for name, cause in causes.items() if cause != stress["AGREED"]} == {}
 
 
-@pytest.mark.xfail(
-    reason="the fitted method's estimate says 1e-10 where omega is 3e-9 off; on some platforms it refuses instead"
-)
-def test_pure_stick_with_little_friction_agrees(stress):
-    assert stress["outcome"](0, stress["extremes"]()[ESTIMATED_TOO_LOW]).cause == stress["AGREED"]
+def test_nearly_no_wrap_is_solved_as_far_as_rounding_allows(stress):
+    scene = stress["extremes"]()[INACCURATE]
+    solution = stress["solve"](scene, throw=False)
+    reference = stress["bvp"].solve(scene)
+    assert solution.status.name in ("SOLVED", "ACCURACY_NOT_REACHED")
+    assert abs(solution.omega / reference.omega - 1.0) <= max(1e-8, solution.error_estimate)
 
 
 def test_the_report_counts_every_scene(stress):
