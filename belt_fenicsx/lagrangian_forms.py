@@ -81,18 +81,15 @@ class Problem:
 
     def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
         """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied."""
-        w = self.space.w
-        d_rod, d_contact = (
-            (lambda f, q=degree: f * self.space.sigma.dx(0) * ufl.dx(metadata=_gauss(q)))
-            for degree in (ROD_DEGREE, CONTACT_DEGREE)
-        )
-        U = d_rod(rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness))
-        V = d_contact(contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty))
+        space, w = self.space, self.space.w
+        scale, dx_rod, dx_contact = space.sigma.dx(0), space.dx(ROD_DEGREE), space.dx(CONTACT_DEGREE)
+        U = rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness) * scale * dx_rod
+        V = contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty) * scale * dx_contact
         if not self.frictional:
             return ufl.derivative(U + V, w)
         frozen = fem.Function(w.function_space)
         t = rod.tangent(ufl.split(frozen)[0], d_sigma)
-        V_f = d_contact(contact.friction_potential(r, lambda_f=self.lambda_f, t=t))
+        V_f = contact.friction_potential(r, lambda_f=self.lambda_f, t=t) * scale * dx_contact
         return ufl.replace(ufl.derivative(U + V + V_f, w), {frozen: w})
 
     def load(self, scene: Scene, nodes: Array) -> None:
@@ -136,7 +133,3 @@ class Problem:
             dD=dD,
             g=g,
         )
-
-
-def _gauss(degree: int) -> dict[str, Any]:
-    return {"quadrature_degree": degree, "quadrature_scheme": "default"}

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import basix
 import numpy as np
-from dolfinx import fem
+import ufl
+from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from belt_fenicsx import compat
@@ -25,13 +26,16 @@ VALUE = (0, 2)
 # circle is then collocated to rounding; a third point leaves a penetration that no multiplier can close.
 CONTACT_DEGREE = 3
 
+# Tag of the mesh's unit cells.
+BELT = 1
+
 
 class HermiteSpace:
     """Cubic Hermite functions (r, theta) of eta on unit cells, and the C1 map sigma(eta).
 
     Attributes:
         comm: The communicator.
-        mesh: Mesh of unit cells.
+        mesh: Mesh of unit cells, and of some that lead past others.
         w: The function (r, theta).
         sigma: The map to the material-length coordinate.
         clamped: Local dofs of x, y and theta at the two clamps.
@@ -41,20 +45,25 @@ class HermiteSpace:
 
     def __init__(self, elements: int, comm: MPI.Comm) -> None:
         self.comm = comm
-        self.mesh = unit_cells(elements, comm)
+        self.mesh, self._cells = unit_cells(elements, comm)
         scalar = compat.function_space(self.mesh, compat.hermite())
         mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
         self._gauss_space = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
         self.w, self.sigma = fem.Function(mixed), fem.Function(scalar)
-        self._dofs = compat.table(mixed.dofmap.list)
-        self._sigma_dofs = compat.table(scalar.dofmap.list)
-        self._gauss_dofs = compat.table(self._gauss_space.dofmap.list)
-        self._nodes = compat.nodes(self.mesh)
+        self._dofs, self._sigma_dofs, self._gauss_dofs = (
+            compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self._gauss_space)
+        )
+        self._nodes = compat.nodes(self.mesh)[self._cells]
         self.clamped = self._dofs_at_ends(elements)
-        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
-        self._cells = np.arange(owned, dtype=np.int32)
         self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
-        self.eta = self._nodes[:owned, :1] + np.diff(self._nodes[:owned]) * self.points.ravel()
+        self.eta = self._nodes[:, :1] + self.points.ravel()
+        numbers = np.sort(self._cells)
+        tags = mesh.meshtags(self.mesh, 1, numbers, np.full(len(numbers), BELT, dtype=np.int32))
+        self._dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=tags)
+
+    def dx(self, degree: int) -> ufl.Measure:
+        """Integrals by eta along the belt, with as many Gauss points as ``degree`` takes."""
+        return self._dx(BELT, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
 
     def _dofs_at_ends(self, elements: int) -> Array:
         at_end = (self._nodes == 0.0) | (self._nodes == float(elements))
@@ -81,7 +90,7 @@ class HermiteSpace:
 
     def set_gauss(self, function: fem.Function, values: Array) -> None:
         """Sets a Gauss-point coefficient from values on the owned cells ``(cells, points)``."""
-        function.x.array[self._gauss_dofs[: len(self._cells)]] = values
+        function.x.array[self._gauss_dofs] = values
 
     def expression(self, expr: object) -> fem.Expression:
         """Compiles a vector-valued UFL expression for the Gauss points."""

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from belt_fenicsx import Belt, Scene, SceneError, solve
+from belt_fenicsx import Belt, Scene, SceneError, compat, solve
 from belt_fenicsx.augmented_lagrangian import solve as solve_fixed
+from belt_fenicsx.mesh import unit_cells
 from belt_fenicsx.node_positions import map_slopes, node_positions
 
 OMEGA = 1.4807092526223
@@ -154,3 +155,13 @@ def test_a_mesh_excludes_elements_and_fitted_zones():
         solve_fixed(Scene(), mesh=GOOD, elements=20)
     with pytest.raises(SceneError, match="`mesh` must be left out with the method fitted"):
         solve(Scene(), mesh=GOOD)
+
+
+@pytest.mark.parametrize("elements", [MPI.COMM_WORLD.size + 1, 1000])
+def test_unit_cells_are_shared_out_in_their_order(elements):
+    domain, cells = unit_cells(elements, MPI.COMM_WORLD)
+    mine = compat.nodes(domain)[cells]
+    nodes = np.concatenate(MPI.COMM_WORLD.allgather(mine))
+    assert np.array_equal(nodes, np.column_stack([np.arange(elements), np.arange(1, elements + 1)]))
+    assert domain.topology.index_map(0).size_global == elements + 1
+    assert len(mine) in (elements // MPI.COMM_WORLD.size, elements // MPI.COMM_WORLD.size + 1)
