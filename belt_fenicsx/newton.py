@@ -11,10 +11,8 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from belt_fenicsx import compat
-from belt_fenicsx.petsc_options import set_options
-
-# Measured on two ranks: up to 600 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
-REDUNDANT = 1_000_000
+from belt_fenicsx.joined_lu import ORDERING, JoinedLU
+from belt_fenicsx.petsc_options import PREFIX, set_options
 
 
 class NewtonError(RuntimeError):
@@ -37,13 +35,6 @@ def reasons(kind: type) -> dict[int, str]:
     return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
 
 
-def factorisation(ranks: int, size: int) -> dict[str, str]:
-    """Options of the sparse LU: on several ranks, a small matrix is cheaper to factor on each than to share."""
-    if ranks == 1:
-        return {"pc_type": "lu"}
-    if size <= REDUNDANT:
-        return {"pc_type": "redundant"}
-    return {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 
 
 class Newton:
@@ -81,14 +72,16 @@ class Newton:
         self.snes = PETSc.SNES().create(comm)
         self.snes.setFunction(self._residual, self._b)
         self.snes.setJacobian(self._jacobian, self._A)
-        size = index_map.size_global * unknown.function_space.dofmap.index_map_bs
+        if comm.size > 1:
+            self.snes.ksp.pc.setType("python")
+            self.snes.ksp.pc.setPythonContext(JoinedLU(index_map.ghosts, f"{PREFIX}sub_"))
         defaults = {
             "snes_type": "newtonls",
             "snes_linesearch_type": "bt",
             "snes_stol": 0.0,
             "snes_max_it": 50,
             "ksp_type": "preonly",
-            **factorisation(comm.size, size),
+            **({"pc_type": "lu", "pc_factor_mat_ordering_type": ORDERING} if comm.size == 1 else {}),
         }
         set_options(self.snes, defaults, options)
 
