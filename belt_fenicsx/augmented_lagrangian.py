@@ -101,48 +101,46 @@ def solve(
         raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
-    elements, nodes = _nodes(scene, elements, mesh, comm.size)
+    meshes = [_nodes(scene, elements, mesh, comm.size) / units.length]
+    fields = None
+    if initial is not None and initial.fields is not None:
+        fields = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
+    # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
+    while fields is None and len(meshes[0]) > FINE:
+        meshes.insert(0, _coarser(meshes[0]))
+    shared = {"comm": comm.py2f(), "options": tuple(sorted((options or {}).items()))}
     stages: list[Stage] = []
-    common = {"penalty_scale": penalty_scale, "comm": comm, "options": options}
-    if initial is None and elements >= FINE:
-        # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
-        coarser = {"elements": elements // COARSENING} if mesh is None else {"mesh": _coarser(nodes)}
-        coarse = solve(scene, rtol=COARSE_RTOL, throw=False, **coarser, **common)
-        stages += [_on_mesh(stage, elements // COARSENING) for stage in coarse.stages]
-        initial = coarse if coarse.fields is not None else None
-    began = time.perf_counter()
-    problem = _problem(elements, comm.py2f(), tuple(sorted((options or {}).items())), plain.pulleys[0].friction > 0.0)
-    stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
-    nodes = nodes / units.length
-    penalties = Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale)
-    run = _Run(problem, plain, nodes, penalties, stages)
-    if initial is None or initial.fields is None:
-        start = functools.partial(run.relaxed, "no initial solution was given")
-    else:
-        start = functools.partial(run.warm, initial.fields.in_units(initial.scene.dimensionless()[1].inverse()))
-    solution = run.solve(start, rtol).in_units(scene, units)
+    for nodes in meshes:
+        began = time.perf_counter()
+        problem = _problem(len(nodes) - 1, frictional=plain.pulleys[0].friction > 0.0, **shared)
+        stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
+        run = _Run(problem, plain, nodes, Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale), stages)
+        solution = run.solve(fields, rtol if nodes is meshes[-1] else COARSE_RTOL)
+        fields = solution.fields
+        if nodes is not meshes[-1]:
+            stages = [_on_mesh(stage, len(nodes) - 1) for stage in stages]
+    solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=recognition.TOLERANCE)
     return finish(solution, throw=throw)
 
 
-def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> tuple[int, Array]:
-    """Number of elements and positions of the nodes ``(elements + 1,)`` [m]."""
+def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> Array:
+    """Positions of the nodes ``(elements + 1,)`` [m]."""
     length = scene.belt.length
     if mesh is not None:
         if elements is not None:
             raise SceneError("elements", "be left out with a mesh", elements)
-        nodes = node_positions(mesh, length=length, ranks=ranks)
-        return len(nodes) - 1, nodes
+        return node_positions(mesh, length=length, ranks=ranks)
     elements = check_elements(100 if elements is None else elements, ranks)
-    return elements, np.linspace(-length / 2, length / 2, elements + 1)
+    return np.linspace(-length / 2, length / 2, elements + 1)
 
 
 def _coarser(nodes: Array) -> Array:
-    """Every so many nodes, the last cells in one."""
-    kept = nodes[: -COARSENING + 1 : COARSENING]
-    return np.append(kept[: len(kept) - (kept[-1] == nodes[-1])], nodes[-1])
+    """Nodes of fewer cells, graded alike."""
+    last = len(nodes) - 1
+    return np.interp(np.linspace(0.0, last, last // COARSENING + 1), np.arange(last + 1), nodes)
 
 
 def _on_mesh(stage: Stage, elements: int) -> Stage:
@@ -179,11 +177,14 @@ class _Run:
         problem.load(scene, nodes)
         self.limit = np.repeat(penalties.limits(problem.sizes())[:, np.newaxis], problem.space.eta.shape[1], axis=1)
 
-    def solve(self, start: functools.partial[None], rtol: float) -> Solution:
-        """Runs the phases and reads the solution from the last state."""
+    def solve(self, fields: Fields | None, rtol: float) -> Solution:
+        """Runs the phases, from the fields of another solution or from nothing, and reads off the solution."""
         common = {"scene": self.scene, "method": NAME}
         try:
-            start()
+            if fields is None:
+                self.relaxed("no initial solution was given")
+            else:
+                self.warm(fields)
             state = self.frictional(rtol)
         except tuple(FAILURES) as failure:
             message = f"Stage `{self.stages[-1].name}`: {failure}"
@@ -241,8 +242,10 @@ class _Run:
         self.penalty = self.penalties.full
 
     def _set_state(self, values: Array, slopes: Array) -> None:
-        """Sets x, y, theta and their derivatives by sigma at the nodes, with the clamps where they are."""
-        values[0], values[-1] = (-self.scene.span / 2, 0.0, 0.0), (self.scene.span / 2, 0.0, 0.0)
+        """Sets x, y, theta and their derivatives by sigma at this rank's nodes, with the clamps where they are."""
+        half = self.scene.belt.length / 2
+        for end in (-1, 1):
+            values[self.problem.nodes == end * half] = (end * self.scene.span / 2, 0.0, 0.0)
         self.problem.space.set_state(values, slopes * self.problem.slopes[:, np.newaxis])
 
     def frictional(self, rtol: float) -> State:

@@ -55,7 +55,12 @@ class State:
 
 
 class Problem:
-    """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene."""
+    """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene.
+
+    Attributes:
+        nodes: Material-length coordinates of this rank's nodes, from left to right ``(cells + 1,)``.
+        slopes: d sigma/d eta there ``(cells + 1,)``.
+    """
 
     def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], *, frictional: bool) -> None:
         self.elements, self.frictional = elements, frictional
@@ -99,16 +104,18 @@ class Problem:
         self.stiffness["b1"].value = belt.extensional_stiffness
         self.stiffness["b2"].value = belt.shear_stiffness
         self.circle.value[:] = (pulley.radius, *pulley.center)
-        self.nodes, self.slopes = nodes, map_slopes(nodes)
+        own = slice(self.space.first, self.space.first + len(self.space.eta) + 1)
+        self.nodes, self.slopes = nodes[own], map_slopes(nodes)[own]
         self.space.set_map(self.nodes, self.slopes)
 
     def gauss_points(self) -> Array:
         """Material-length coordinates of the owned cells' Gauss points ``(cells, points)``."""
-        return CubicHermiteSpline(np.arange(self.elements + 1), self.nodes, self.slopes)(self.space.eta)
+        eta = self.space.first + np.arange(len(self.nodes))
+        return CubicHermiteSpline(eta, self.nodes, self.slopes)(self.space.eta)
 
     def sizes(self) -> Array:
         """Sizes of the owned cells ``(cells,)``."""
-        return np.diff(self.nodes)[np.floor(self.space.eta[:, 0]).astype(int)]
+        return np.diff(self.nodes)
 
     def set_penalty(self, penalty: Array) -> None:
         """Sets the penalty at the Gauss points of the owned cells ``(cells, points)``."""

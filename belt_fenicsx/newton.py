@@ -66,12 +66,11 @@ class Newton:
         self._bcs = [fem.dirichletbc(unknown, held.astype(np.int32))]
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
-        self._A = petsc.create_matrix(self._J)
+        self._matrix: PETSc.Mat | None = None
         self._x, self._start = self._w.duplicate(), self._w.duplicate()
         comm = unknown.function_space.mesh.comm
         self.snes = PETSc.SNES().create(comm)
         self.snes.setFunction(self._residual, self._b)
-        self.snes.setJacobian(self._jacobian, self._A)
         if comm.size > 1:
             self.snes.ksp.pc.setType("python")
             self.snes.ksp.pc.setPythonContext(JoinedLU(index_map.ghosts, f"{PREFIX}sub_"))
@@ -118,6 +117,13 @@ class Newton:
         self.snes.setTolerances(rtol=rtol, atol=atol)
         self._w.copy(self._x)
         self._w.copy(self._start)
+        if self._matrix is None:
+            # Where the start is as good as a fine mesh allows, no matrix is needed, which takes long to set up.
+            self._residual(self.snes, self._x, self._b)
+            if self._b.norm() <= atol:
+                return 0
+            self._matrix = petsc.create_matrix(self._J)
+            self.snes.setJacobian(self._jacobian, self._matrix)
         self.snes.solve(None, self._x)
         reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
         self._load(self._x if reason > 0 else self._start)

@@ -60,11 +60,10 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
     pulley = scene.pulleys[0]
     kinds = _without_short_runs(_kinds(data, pulley.friction, pulley.slip))
     starts = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
-    r = CubicHermiteSpline(data.sigma, data.r, data.dr)
 
     half = scene.belt.length / 2
     sigma = np.array([-half, *(_border(data, kinds, start, pulley.x_trans) for start in starts), half])
-    x = np.array([-scene.span / 2, *r(sigma[1:-1])[:, 0], scene.span / 2])
+    x = np.array([-scene.span / 2, *(_r(data, place)[0] for place in sigma[1:-1]), scene.span / 2])
     zones = tuple(
         _zone(str(kind), sigma[i : i + 2], x[i : i + 2]) for i, kind in enumerate(kinds[np.append(0, starts)])
     )
@@ -73,9 +72,11 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
     sigma_up, sigma_off = touching[0].sigma[0], touching[-1].sigma[1]
     sigma_trans, x_trans = _transition(data, pulley.x_trans, touching)
     stuck = (kinds == STICK) & (data.share == 0.0) & (np.abs(data.f) < pulley.friction * data.p)
-    D_trans = np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*r(sigma_trans, 1))
+    D_trans = (
+        np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1))
+    )
     omega = scene.transport_rate * float(D_trans) / pulley.radius
-    up, off = r([sigma_up, sigma_off]) - np.asarray(pulley.center)
+    up, off = (_r(data, sigma) - np.asarray(pulley.center) for sigma in (sigma_up, sigma_off))
     contact = Contact(
         omega=omega,
         x_up=touching[0].x[0],
@@ -141,6 +142,13 @@ def _lift_off(data: GaussData, near: int, outwards: int) -> float:
     if gaps[0] <= gaps[1]:
         return float(data.sigma[near] + data.sigma[touching]) / 2
     return float(data.sigma[near] + (data.sigma[near] - data.sigma[far]) * gaps[1] / (gaps[0] - gaps[1]))
+
+
+def _r(data: GaussData, sigma: float, derivative: int = 0) -> Array:
+    """Position ``(2,)``, or its derivative, by cubics between the points."""
+    after = int(np.clip(np.searchsorted(data.sigma, sigma), 1, len(data.sigma) - 1))
+    beside = slice(after - 1, after + 1)
+    return CubicHermiteSpline(data.sigma[beside], data.r[beside], data.dr[beside])(sigma, derivative)
 
 
 def _sigma_at(data: GaussData, near: int, x: float) -> float:

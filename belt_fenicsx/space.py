@@ -40,7 +40,8 @@ class HermiteSpace:
         sigma: The map to the material-length coordinate.
         clamped: Local dofs of x, y and theta at the two clamps.
         weights: Gauss weights of a unit cell ``(points,)``.
-        eta: Coordinates of the owned cells' Gauss points ``(cells, points)``.
+        first: Number of this rank's first node.
+        eta: Coordinates of the owned cells' Gauss points ``(cells, points)``, from left to right.
     """
 
     def __init__(self, elements: int, comm: MPI.Comm) -> None:
@@ -53,10 +54,11 @@ class HermiteSpace:
         self._dofs, self._sigma_dofs, self._gauss_dofs = (
             compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self._gauss_space)
         )
-        self._nodes = compat.nodes(self.mesh)[self._cells]
-        self.clamped = self._dofs_at_ends(elements)
+        nodes = compat.nodes(self.mesh)[self._cells]
+        self.first = round(nodes[0, 0])
+        self.clamped = self._dofs_at((nodes == 0.0) | (nodes == float(elements)))
         self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
-        self.eta = self._nodes[:, :1] + self.points.ravel()
+        self.eta = nodes[:, :1] + self.points.ravel()
         numbers = np.sort(self._cells)
         tags = mesh.meshtags(self.mesh, 1, numbers, np.full(len(numbers), BELT, dtype=np.int32))
         self._dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=tags)
@@ -65,22 +67,21 @@ class HermiteSpace:
         """Integrals by eta along the belt, with as many Gauss points as ``degree`` takes."""
         return self._dx(BELT, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
 
-    def _dofs_at_ends(self, elements: int) -> Array:
-        at_end = (self._nodes == 0.0) | (self._nodes == float(elements))
-        values = [self._dofs[:, np.take(dofs, VALUE)][at_end] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
+    def _dofs_at(self, ends: Array) -> Array:
+        values = [self._dofs[:, np.take(dofs, VALUE)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
         return np.unique(np.concatenate(values)).astype(np.int32)
 
     def _set_nodal(self, function: fem.Function, dofs: Array, values: Array, slopes: Array) -> None:
-        nodes = np.rint(self._nodes).astype(int)
-        function.x.array[np.take(dofs, VALUE, axis=1)] = values[nodes]
-        function.x.array[np.take(dofs, SLOPE, axis=1)] = slopes[nodes]
+        for value, slope, nodes in zip(VALUE, SLOPE, (slice(None, -1), slice(1, None)), strict=True):
+            function.x.array[dofs[:, value]] = values[nodes]
+            function.x.array[dofs[:, slope]] = slopes[nodes]
 
     def set_map(self, sigma: Array, slopes: Array) -> None:
-        """Sets sigma and d sigma/d eta at the nodes ``(elements + 1,)``."""
+        """Sets sigma and d sigma/d eta at this rank's nodes ``(cells + 1,)``."""
         self._set_nodal(self.sigma, self._sigma_dofs, sigma, slopes)
 
     def set_state(self, values: Array, slopes: Array) -> None:
-        """Sets x, y, theta and their derivatives by eta at the nodes ``(elements + 1, 3)``."""
+        """Sets x, y, theta and their derivatives by eta at this rank's nodes ``(cells + 1, 3)``."""
         for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
             self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
 
@@ -101,11 +102,13 @@ class HermiteSpace:
         return compat.evaluate(expression, self.mesh, self._cells).reshape(*self.eta.shape, -1)
 
     def gather(self, values: Array) -> Array:
-        """Gauss-point values of all ranks, sorted along the belt, on every rank.
+        """Gauss-point values of all ranks, in their order along the belt, on every rank.
 
         Args:
-            values: Values on the owned cells ``(cells, points, ...)``.
+            values: Values on the owned cells ``(cells, points, size)``.
         """
-        parts = self.comm.allgather((self.eta.ravel(), values.reshape(self.eta.size, *values.shape[2:])))
-        eta, everything = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return everything[np.argsort(eta)]
+        size = values.shape[-1]
+        counts = self.comm.allgather(values.size)
+        everything = np.empty((sum(counts) // size, size))
+        self.comm.Allgatherv(np.ascontiguousarray(values), (everything, counts))
+        return everything
