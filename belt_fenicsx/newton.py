@@ -135,3 +135,8 @@ class Newton:
                 iterations,
             )
         return iterations
+
+    def norms(self) -> tuple[float, float]:
+        """Norms of the last solve's residual, and of the step by which all its iterations moved the unknown."""
+        self._start.aypx(-1.0, self._x)
+        return self._b.norm(), self._start.norm()

@@ -99,6 +99,14 @@ def test_same_omega_on_any_number_of_ranks(make):
     assert together.omega == pytest.approx(alone.omega, rel=1e-12)
 
 
+@pytest.mark.parametrize(("ratio", "rtol"), [(20.0, 1e-11), (20.0, 1e-13), (100.0, 1e-12), (1000.0, 1e-12)])
+def test_updates_end_where_rounding_begins(make, ratio, rtol):
+    """Small cells have large penalties, by which a rounding error of a penetration changes the pressure."""
+    loose, tight = (solve_fixed(Scene(), mesh=make.graded(250, ratio), rtol=r) for r in (1e-9, rtol))
+    assert tight.omega == pytest.approx(loose.omega, rel=1e-8)
+    assert tight.measures["multiplier_change"] <= max(1e3 * rtol, 10.0 * tight.measures["rounding"])
+
+
 def test_the_map_increases_everywhere(make):
     from scipy.interpolate import CubicHermiteSpline
 
