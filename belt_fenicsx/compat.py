@@ -80,11 +80,9 @@ def interval_mesh(comm: MPI.Comm, cells: Array, x: Array, also: Sequence[tuple[i
     def stay(*_: Any) -> Any:
         return getattr(here, "_cpp_object", here)
 
-    cells, x = cells.astype(np.int64), x.reshape(-1, 1)
+    cells, x, domain = cells.astype(np.int64), x.reshape(-1, 1), ufl.Mesh(coordinate_element())
     if basix_ufl is None:
-        domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.interval, 1))
         return mesh.create_mesh(comm, cells, x, domain, mesh.GhostMode.shared_facet, stay)
-    domain = ufl.Mesh(basix_ufl.element("Lagrange", "interval", 1, shape=(1,)))
     parameters = inspect.signature(mesh.create_mesh).parameters
     most = {"max_facet_to_cell_links": 4} if "max_facet_to_cell_links" in parameters else {}
     return mesh.create_mesh(comm, cells=cells, x=x, e=domain, partitioner=stay, **most)

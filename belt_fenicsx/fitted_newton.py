@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import logging
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,6 +19,8 @@ from belt_fenicsx.fitted_state import State, on_chords
 from belt_fenicsx.petsc_options import set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
+
+logger = logging.getLogger(__name__)
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 SETTLED = 0.1  # of the same, that the last step may take
@@ -95,6 +98,11 @@ class Iteration:
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
             shortening = self._moved(step, scalars[:-1])
+            if logger.isEnabledFor(logging.INFO):
+                residual, borders = self.condensed.residual_norm(), " ".join(f"{end:.6f}" for end in self.ends[1:-1])
+                logger.info(
+                    "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
+                )
             shortest = self.values[:, self._at.sigma[1]].min()
             if change <= self._arrived * shortest and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE

@@ -35,8 +35,6 @@ def reasons(kind: type) -> dict[int, str]:
     return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
 
 
-
-
 class Newton:
     """SNES on F(w) = 0 with some dofs of w held at the values that w already has.
 
