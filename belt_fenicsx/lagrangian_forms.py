@@ -85,7 +85,12 @@ class Problem:
         self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
 
     def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
-        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied."""
+        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied.
+
+        Contact is integrated along the whole belt. On the half of it that is near the pulley alone, the Jacobian took
+        9 % less time, the residual 14 %, and the state after it 60 %: 7 % of an update, for a zone that has to be
+        guessed and watched.
+        """
         space, w = self.space, self.space.w
         scale, dx_rod, dx_contact = space.sigma.dx(0), space.dx(ROD_DEGREE), space.dx(CONTACT_DEGREE)
         U = rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness) * scale * dx_rod
