@@ -69,6 +69,7 @@ def parsed(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     _check_method(args, petsc)
     args.rtol = _rtol(args.rtol)
     args.elements = None if args.elements is None else _elements(args.elements)
+    args.mesh = None if args.mesh is None else _mesh(Path(args.mesh), args)
     if command == SWEEP:
         args.over, args.values = _range(args.over)
     if getattr(args, "plot", None) is not None:
@@ -94,6 +95,9 @@ def _parser(command: str) -> _Parser:
         "--rtol", metavar="R", default="1e-8", help="relative tolerance of omega (default: %(default)s)"
     )
     parser.add_argument("--elements", metavar="N", help="number of finite elements")
+    parser.add_argument(
+        "--mesh", metavar="FILE", help="nodes of the method augmented-lagrangian: positions, or lines that meshio reads"
+    )
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="replace a value, as in pulleys.0.friction=0.3"
     )
@@ -203,6 +207,19 @@ def _elements(text: str) -> int:
     if not re.fullmatch(r"[1-9][0-9]{0,8}", text):
         raise SceneError("--elements", "be a whole number above zero", text)
     return int(text)
+
+
+def _mesh(path: Path, args: argparse.Namespace) -> Path:
+    if args.method != "augmented-lagrangian":
+        expected = "come with --method augmented-lagrangian, the only one with nodes that stay"
+        raise SceneError("--mesh", expected, Verbatim(args.method or "none"))
+    if args.elements is not None:
+        raise SceneError("--mesh", "be left out with --elements", Verbatim(path))
+    if not path.is_file():
+        raise SceneError("--mesh", "name a file that is there", str(path))
+    if path.suffix != ".txt" and find_spec("meshio") is None:
+        raise Missing(f"--mesh needs meshio for a file {path.suffix}, which this Python lacks.")
+    return path
 
 
 def _file(path: Path, option: str, suffixes: Sequence[str]) -> Path:

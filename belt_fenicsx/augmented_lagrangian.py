@@ -49,6 +49,8 @@ EPS = np.finfo(float).eps
 PENETRATION_TOL = 1e-9
 # Share of the nodal forces' rounding errors that does not cancel in the pressure: 0.05, measured on 4e5 elements.
 ROUNDING = 0.1
+# Rounding errors of a penetration by which updates go on to change the pressure: 0.4, measured on graded meshes.
+BLUR = 0.5
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
 LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
@@ -101,48 +103,46 @@ def solve(
         raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
-    elements, nodes = _nodes(scene, elements, mesh, comm.size)
+    meshes = [_nodes(scene, elements, mesh, comm.size) / units.length]
+    fields = None
+    if initial is not None and initial.fields is not None:
+        fields = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
+    # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
+    while fields is None and len(meshes[0]) > FINE:
+        meshes.insert(0, _coarser(meshes[0]))
+    shared = {"comm": comm.py2f(), "options": tuple(sorted((options or {}).items()))}
     stages: list[Stage] = []
-    common = {"penalty_scale": penalty_scale, "comm": comm, "options": options}
-    if initial is None and elements >= FINE:
-        # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
-        coarser = {"elements": elements // COARSENING} if mesh is None else {"mesh": _coarser(nodes)}
-        coarse = solve(scene, rtol=COARSE_RTOL, throw=False, **coarser, **common)
-        stages += [_on_mesh(stage, elements // COARSENING) for stage in coarse.stages]
-        initial = coarse if coarse.fields is not None else None
-    began = time.perf_counter()
-    problem = _problem(elements, comm.py2f(), tuple(sorted((options or {}).items())), plain.pulleys[0].friction > 0.0)
-    stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
-    nodes = nodes / units.length
-    penalties = Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale)
-    run = _Run(problem, plain, nodes, penalties, stages)
-    if initial is None or initial.fields is None:
-        start = functools.partial(run.relaxed, "no initial solution was given")
-    else:
-        start = functools.partial(run.warm, initial.fields.in_units(initial.scene.dimensionless()[1].inverse()))
-    solution = run.solve(start, rtol).in_units(scene, units)
+    for nodes in meshes:
+        began = time.perf_counter()
+        problem = _problem(len(nodes) - 1, frictional=plain.pulleys[0].friction > 0.0, **shared)
+        stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
+        run = _Run(problem, plain, nodes, Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale), stages)
+        solution = run.solve(fields, rtol if nodes is meshes[-1] else COARSE_RTOL)
+        fields = solution.fields
+        if nodes is not meshes[-1]:
+            stages = [_on_mesh(stage, len(nodes) - 1) for stage in stages]
+    solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=recognition.TOLERANCE)
     return finish(solution, throw=throw)
 
 
-def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> tuple[int, Array]:
-    """Number of elements and positions of the nodes ``(elements + 1,)`` [m]."""
+def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> Array:
+    """Positions of the nodes ``(elements + 1,)`` [m]."""
     length = scene.belt.length
     if mesh is not None:
         if elements is not None:
             raise SceneError("elements", "be left out with a mesh", elements)
-        nodes = node_positions(mesh, length=length, ranks=ranks)
-        return len(nodes) - 1, nodes
+        return node_positions(mesh, length=length, ranks=ranks)
     elements = check_elements(100 if elements is None else elements, ranks)
-    return elements, np.linspace(-length / 2, length / 2, elements + 1)
+    return np.linspace(-length / 2, length / 2, elements + 1)
 
 
 def _coarser(nodes: Array) -> Array:
-    """Every so many nodes, the last cells in one."""
-    kept = nodes[: -COARSENING + 1 : COARSENING]
-    return np.append(kept[: len(kept) - (kept[-1] == nodes[-1])], nodes[-1])
+    """Nodes of fewer cells, graded alike."""
+    last = len(nodes) - 1
+    return np.interp(np.linspace(0.0, last, last // COARSENING + 1), np.arange(last + 1), nodes)
 
 
 def _on_mesh(stage: Stage, elements: int) -> Stage:
@@ -174,16 +174,23 @@ class _Run:
         self.multipliers = Multipliers(p=np.zeros_like(problem.space.eta), f=np.zeros_like(problem.space.eta))
         self.penalty = penalties.relaxed
         self.measures: dict[str, float] = {}
-        # An entry of the residual is a difference of forces b1 r/size, each known to rounding.
-        self.rounding = EPS * scene.belt.extensional_stiffness * scene.belt.length / np.diff(nodes)
+        # One answer for all ranks: what is told is computed by all.
+        self.told = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
         problem.load(scene, nodes)
+        # An entry of the residual is a difference of forces b1 r/size, with pressures P g in it, most of which cancel.
+        sizes, length = np.diff(nodes), scene.belt.length
+        stiffness = scene.belt.extensional_stiffness / sizes + ROUNDING * penalties.limits(sizes) * sizes
+        self.rounding = EPS * length * stiffness
         self.limit = np.repeat(penalties.limits(problem.sizes())[:, np.newaxis], problem.space.eta.shape[1], axis=1)
 
-    def solve(self, start: functools.partial[None], rtol: float) -> Solution:
-        """Runs the phases and reads the solution from the last state."""
+    def solve(self, fields: Fields | None, rtol: float) -> Solution:
+        """Runs the phases, from the fields of another solution or from nothing, and reads off the solution."""
         common = {"scene": self.scene, "method": NAME}
         try:
-            start()
+            if fields is None:
+                self.relaxed("no initial solution was given")
+            else:
+                self.warm(fields)
             state = self.frictional(rtol)
         except tuple(FAILURES) as failure:
             message = f"Stage `{self.stages[-1].name}`: {failure}"
@@ -241,8 +248,10 @@ class _Run:
         self.penalty = self.penalties.full
 
     def _set_state(self, values: Array, slopes: Array) -> None:
-        """Sets x, y, theta and their derivatives by sigma at the nodes, with the clamps where they are."""
-        values[0], values[-1] = (-self.scene.span / 2, 0.0, 0.0), (self.scene.span / 2, 0.0, 0.0)
+        """Sets x, y, theta and their derivatives by sigma at this rank's nodes, with the clamps where they are."""
+        half = self.scene.belt.length / 2
+        for end in (-1, 1):
+            values[self.problem.nodes == end * half] = (end * self.scene.span / 2, 0.0, 0.0)
         self.problem.space.set_state(values, slopes * self.problem.slopes[:, np.newaxis])
 
     def frictional(self, rtol: float) -> State:
@@ -254,7 +263,7 @@ class _Run:
                 penalty = self.penalty
                 self.penalty = min(self.penalties.full, penalty * growth)
                 try:
-                    stage.iterations += self._newton()
+                    iterations = self._newton()
                 except NewtonError as failure:
                     # The contact zone moves too far in one step: more updates at penalties that still converge.
                     stage.iterations += failure.iterations
@@ -262,17 +271,24 @@ class _Run:
                     if growth < LEAST_GROWTH or self.penalty == penalty:
                         raise
                     self.penalty = penalty
-                    stage.iterations += self._newton()
+                    iterations = self._newton()
+                stage.iterations += iterations
                 state = self.problem.state()
                 self._update(state, friction=friction)
-                logger.info("update %d: %s", update, self.measures)
-                if self.penalty == self.penalties.full and self._at_rest(rtol):
+                if self.told:
+                    self._tell(update, iterations, state)
+                if self.penalty == self.penalties.full and self._at_rest(rtol, iterations):
                     return state
             raise _UpdatesDiverged(f"{MAX_UPDATES} updates left {self.measures}")
 
-    def _at_rest(self, rtol: float) -> bool:
+    def _at_rest(self, rtol: float, iterations: int) -> bool:
+        """Whether multipliers and penetration are, or rounding leaves nothing to do.
+
+        Where Newton's method needed no iteration, the last update changed the forces by less than they are known.
+        """
         change = max(MULTIPLIER_CHANGE_PER_RTOL * rtol, self.measures["rounding"])
-        return self.measures["multiplier_change"] <= change and self.measures["penetration"] <= PENETRATION_TOL
+        unchanged = iterations == 0 or self.measures["multiplier_change"] <= change
+        return unchanged and self.measures["penetration"] <= PENETRATION_TOL
 
     def _newton(self) -> int:
         problem = self.problem
@@ -283,23 +299,38 @@ class _Run:
     def _update(self, state: State, *, friction: float) -> None:
         """Updates the multipliers and measures their change and the penetration, both relative."""
         old = self.multipliers
-        new = self.multipliers = old.updated(
-            state, self.pulley, penalty=np.minimum(self.penalty, self.limit), friction=friction
-        )
+        penalty = np.minimum(self.penalty, self.limit)
+        new = self.multipliers = old.updated(state, self.pulley, penalty=penalty, friction=friction)
         comm, weights = self.problem.space.comm, state.weights
-        sums = np.array([np.sum(weights * part) for part in (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p)])
+        blur = BLUR * EPS * self.pulley.radius * penalty * (new.p > 0.0)
+        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p, blur)
+        sums = np.array([np.sum(weights * part) for part in parts])
         deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
         comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
         comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
-        dp, df, total = sums
+        dp, df, total, blurred = sums
         if total == 0.0:
             raise _ContactLost("no Gauss point is in contact")
         self.measures = {
             "multiplier_change": float(max(dp, df) / total),
             "penetration": float(deepest.item() / self.pulley.radius),
             "penalty": self.penalty,
-            "rounding": float(ROUNDING * np.sum(self.rounding) / total),
+            "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),
         }
+
+    def _tell(self, update: int, iterations: int, state: State) -> None:
+        """Logs the course of an update, on rank 0; collective."""
+        comm, touching = self.problem.space.comm, self.multipliers.p > 0.0
+        residual, step = self.problem.newton.norms()
+        x_up = comm.allreduce(np.min(state.r[..., 0], where=touching, initial=np.inf), MPI.MIN)
+        x_off = comm.allreduce(np.max(state.r[..., 0], where=touching, initial=-np.inf), MPI.MAX)
+        if comm.rank == 0:
+            logger.info(
+                "%d elements, update %d, Newton iterations %d: residual %.1e, step %.1e, penetration %.1e, "
+                "multiplier change %.1e, contact from %.6f to %.6f Ls",
+                self.problem.elements, update, iterations, residual, step, self.measures["penetration"],
+                self.measures["multiplier_change"], x_up, x_off,
+            )  # fmt: skip
 
     @contextlib.contextmanager
     def _stage(self, name: str, why: str) -> Iterator[_Counter]:

@@ -78,6 +78,10 @@ def _solver(args: argparse.Namespace, petsc: list[str]) -> Solver:
         options["method"] = args.method
     if args.elements is not None:
         options["elements"] = args.elements
+    if args.mesh is not None:
+        from belt_fenicsx.node_positions import read_positions
+
+        options["mesh"] = read_positions(args.mesh)
     if find_spec("petsc4py") is None or find_spec("dolfinx") is None:
         raise Missing(f"DOLFINx is needed, but {sys.executable} lacks it; --method bvp runs without.")
     import petsc4py

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import basix
@@ -10,6 +12,7 @@ import ufl
 
 if TYPE_CHECKING:
     from dolfinx import fem, mesh
+    from mpi4py import MPI
 
 Array = np.ndarray
 
@@ -54,6 +57,35 @@ def function_space(domain: mesh.Mesh, element: Any) -> Any:
     from dolfinx import fem
 
     return fem.functionspace(domain, element) if hasattr(fem, "functionspace") else fem.FunctionSpace(domain, element)
+
+
+def interval_mesh(comm: MPI.Comm, cells: Array, x: Array, also: Sequence[tuple[int, int]]) -> mesh.Mesh:
+    """Mesh of intervals, of which each stays on the rank that gives it.
+
+    Args:
+        comm: The communicator.
+        cells: Numbers of the nodes of this rank's cells ``(cells, 2)``; up to four cells meet at a node.
+        x: Coordinates of this rank's part of all nodes, in their order.
+        also: Cells of this rank that another one is to know, too, and that one. DOLFINx 0.5 finds the nodes that ranks
+            share by these alone.
+    """
+    from dolfinx import graph, mesh
+
+    lists = graph.adjacencylist if hasattr(graph, "adjacencylist") else graph.create_adjacencylist
+    known, others = np.array(also, dtype=int).reshape(-1, 2).T
+    ranks = np.insert(np.full(len(cells), comm.rank, dtype=np.int32), known + 1, others)
+    offsets = np.append(0, np.cumsum(1 + np.bincount(known, minlength=len(cells))))
+    here = lists(ranks, offsets.astype(np.int32))
+
+    def stay(*_: Any) -> Any:
+        return getattr(here, "_cpp_object", here)
+
+    cells, x, domain = cells.astype(np.int64), x.reshape(-1, 1), ufl.Mesh(coordinate_element())
+    if basix_ufl is None:
+        return mesh.create_mesh(comm, cells, x, domain, mesh.GhostMode.shared_facet, stay)
+    parameters = inspect.signature(mesh.create_mesh).parameters
+    most = {"max_facet_to_cell_links": 4} if "max_facet_to_cell_links" in parameters else {}
+    return mesh.create_mesh(comm, cells=cells, x=x, e=domain, partitioner=stay, **most)
 
 
 def nodes(domain: mesh.Mesh) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import logging
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -17,6 +18,8 @@ from belt_fenicsx.fitted_state import State
 from belt_fenicsx.petsc_options import set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
+
+logger = logging.getLogger(__name__)
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 MOST_ITERATIONS = 30
@@ -88,7 +91,8 @@ class Iteration:
         reason, held = reasons.DIVERGED_MAX_IT, self._held
         for iteration in range(snes.max_it):
             self.residuals()
-            snes.monitor(iteration, self.condensed.residual_norm())
+            residual = self.condensed.residual_norm()
+            snes.monitor(iteration, residual)
             self.jacobians()
             try:
                 step, scalars = self.condensed.step(self._weights, held=held)
@@ -100,6 +104,11 @@ class Iteration:
                 reason = reasons.DIVERGED_FNORM_NAN
                 break
             moved, shortening = self._moved(step, scalars[:-1])
+            if logger.isEnabledFor(logging.INFO):
+                borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
+                logger.info(
+                    "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
+                )
             if change <= self._arrived * self.values[:, self._length].min() and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break

@@ -55,7 +55,12 @@ class State:
 
 
 class Problem:
-    """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene."""
+    """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene.
+
+    Attributes:
+        nodes: Material-length coordinates of this rank's nodes, from left to right ``(cells + 1,)``.
+        slopes: d sigma/d eta there ``(cells + 1,)``.
+    """
 
     def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], *, frictional: bool) -> None:
         self.elements, self.frictional = elements, frictional
@@ -80,19 +85,21 @@ class Problem:
         self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
 
     def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
-        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied."""
-        w = self.space.w
-        d_rod, d_contact = (
-            (lambda f, q=degree: f * self.space.sigma.dx(0) * ufl.dx(metadata=_gauss(q)))
-            for degree in (ROD_DEGREE, CONTACT_DEGREE)
-        )
-        U = d_rod(rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness))
-        V = d_contact(contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty))
+        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied.
+
+        Contact is integrated along the whole belt. On the half of it that is near the pulley alone, the Jacobian took
+        9 % less time, the residual 14 %, and the state after it 60 %: 7 % of an update, for a zone that has to be
+        guessed and watched.
+        """
+        space, w = self.space, self.space.w
+        scale, dx_rod, dx_contact = space.sigma.dx(0), space.dx(ROD_DEGREE), space.dx(CONTACT_DEGREE)
+        U = rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness) * scale * dx_rod
+        V = contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty) * scale * dx_contact
         if not self.frictional:
             return ufl.derivative(U + V, w)
         frozen = fem.Function(w.function_space)
         t = rod.tangent(ufl.split(frozen)[0], d_sigma)
-        V_f = d_contact(contact.friction_potential(r, lambda_f=self.lambda_f, t=t))
+        V_f = contact.friction_potential(r, lambda_f=self.lambda_f, t=t) * scale * dx_contact
         return ufl.replace(ufl.derivative(U + V + V_f, w), {frozen: w})
 
     def load(self, scene: Scene, nodes: Array) -> None:
@@ -102,16 +109,18 @@ class Problem:
         self.stiffness["b1"].value = belt.extensional_stiffness
         self.stiffness["b2"].value = belt.shear_stiffness
         self.circle.value[:] = (pulley.radius, *pulley.center)
-        self.nodes, self.slopes = nodes, map_slopes(nodes)
+        own = slice(self.space.first, self.space.first + len(self.space.eta) + 1)
+        self.nodes, self.slopes = nodes[own], map_slopes(nodes)[own]
         self.space.set_map(self.nodes, self.slopes)
 
     def gauss_points(self) -> Array:
         """Material-length coordinates of the owned cells' Gauss points ``(cells, points)``."""
-        return CubicHermiteSpline(np.arange(self.elements + 1), self.nodes, self.slopes)(self.space.eta)
+        eta = self.space.first + np.arange(len(self.nodes))
+        return CubicHermiteSpline(eta, self.nodes, self.slopes)(self.space.eta)
 
     def sizes(self) -> Array:
         """Sizes of the owned cells ``(cells,)``."""
-        return np.diff(self.nodes)[np.floor(self.space.eta[:, 0]).astype(int)]
+        return np.diff(self.nodes)
 
     def set_penalty(self, penalty: Array) -> None:
         """Sets the penalty at the Gauss points of the owned cells ``(cells, points)``."""
@@ -136,7 +145,3 @@ class Problem:
             dD=dD,
             g=g,
         )
-
-
-def _gauss(degree: int) -> dict[str, Any]:
-    return {"quadrature_degree": degree, "quadrature_scheme": "default"}

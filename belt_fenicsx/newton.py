@@ -11,10 +11,8 @@ from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from belt_fenicsx import compat
-from belt_fenicsx.petsc_options import set_options
-
-# Measured on two ranks: up to 600 thousand dofs a copy on each rank is two to seven times faster than MUMPS.
-REDUNDANT = 1_000_000
+from belt_fenicsx.joined_lu import ORDERING, JoinedLU
+from belt_fenicsx.petsc_options import PREFIX, set_options
 
 
 class NewtonError(RuntimeError):
@@ -35,15 +33,6 @@ class NewtonError(RuntimeError):
 def reasons(kind: type) -> dict[int, str]:
     """PETSc's names of the reasons to stop."""
     return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
-
-
-def factorisation(ranks: int, size: int) -> dict[str, str]:
-    """Options of the sparse LU: on several ranks, a small matrix is cheaper to factor on each than to share."""
-    if ranks == 1:
-        return {"pc_type": "lu"}
-    if size <= REDUNDANT:
-        return {"pc_type": "redundant"}
-    return {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 
 
 class Newton:
@@ -75,20 +64,21 @@ class Newton:
         self._bcs = [fem.dirichletbc(unknown, held.astype(np.int32))]
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
-        self._A = petsc.create_matrix(self._J)
+        self._matrix: PETSc.Mat | None = None
         self._x, self._start = self._w.duplicate(), self._w.duplicate()
         comm = unknown.function_space.mesh.comm
         self.snes = PETSc.SNES().create(comm)
         self.snes.setFunction(self._residual, self._b)
-        self.snes.setJacobian(self._jacobian, self._A)
-        size = index_map.size_global * unknown.function_space.dofmap.index_map_bs
+        if comm.size > 1:
+            self.snes.ksp.pc.setType("python")
+            self.snes.ksp.pc.setPythonContext(JoinedLU(index_map.ghosts, f"{PREFIX}sub_"))
         defaults = {
             "snes_type": "newtonls",
             "snes_linesearch_type": "bt",
             "snes_stol": 0.0,
             "snes_max_it": 50,
             "ksp_type": "preonly",
-            **factorisation(comm.size, size),
+            **({"pc_type": "lu", "pc_factor_mat_ordering_type": ORDERING} if comm.size == 1 else {}),
         }
         set_options(self.snes, defaults, options)
 
@@ -125,6 +115,13 @@ class Newton:
         self.snes.setTolerances(rtol=rtol, atol=atol)
         self._w.copy(self._x)
         self._w.copy(self._start)
+        if self._matrix is None:
+            # Where the start is as good as a fine mesh allows, no matrix is needed, which takes long to set up.
+            self._residual(self.snes, self._x, self._b)
+            if self._b.norm() <= atol:
+                return 0
+            self._matrix = petsc.create_matrix(self._J)
+            self.snes.setJacobian(self._jacobian, self._matrix)
         self.snes.solve(None, self._x)
         reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
         self._load(self._x if reason > 0 else self._start)
@@ -136,3 +133,8 @@ class Newton:
                 iterations,
             )
         return iterations
+
+    def norms(self) -> tuple[float, float]:
+        """Norms of the last solve's residual, and of the step by which all its iterations moved the unknown."""
+        self._start.aypx(-1.0, self._x)
+        return self._b.norm(), self._start.norm()

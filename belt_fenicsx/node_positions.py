@@ -33,7 +33,7 @@ def node_positions(mesh: Any, *, length: float, ranks: int = 1) -> Array:
     Raises:
         SceneError: The mesh cannot be read, is no mesh of this belt, or is too coarse.
     """
-    positions = _read(Path(mesh)) if isinstance(mesh, str | PathLike) else _array(mesh)
+    positions = read_positions(Path(mesh)) if isinstance(mesh, str | PathLike) else _array(mesh)
     fewest = max(FEWEST, ranks)
     if len(positions) <= fewest:
         raise SceneError("mesh", f"have at least {fewest} cells ({ranks} ranks)", len(positions) - 1)
@@ -48,6 +48,24 @@ def node_positions(mesh: Any, *, length: float, ranks: int = 1) -> Array:
         raise SceneError("mesh", f"cover the belt, [{ends[0]:g}, {ends[1]:g}] [m]", found)
     positions[[0, -1]] = ends
     return positions
+
+
+def read_positions(path: Path) -> Array:
+    """Positions of nodes as a file has them ``(n,)`` [m].
+
+    Raises:
+        SceneError: The file cannot be read, or holds something else.
+    """
+    if not path.is_file():
+        raise SceneError("mesh", "name a file that is there", str(path))
+    try:
+        return _array(np.loadtxt(path, ndmin=1)) if path.suffix == ".txt" else _read_lines(path)
+    except SceneError:
+        raise
+    # Each format of meshio has its own ways to fail, and it ends the process for some.
+    except (Exception, SystemExit) as error:
+        expected = f"name a file of positions or a mesh that meshio reads ({type(error).__name__}: {error})"
+        raise SceneError("mesh", expected, str(path)) from None
 
 
 def map_slopes(positions: Array) -> Array:
@@ -73,19 +91,6 @@ def _array(values: Any) -> Array:
     if not np.all(np.isfinite(positions)):
         raise SceneError("mesh", "have finite positions [m]", float(positions[~np.isfinite(positions)][0]))
     return positions
-
-
-def _read(path: Path) -> Array:
-    if not path.is_file():
-        raise SceneError("mesh", "name a file that is there", str(path))
-    try:
-        return _array(np.loadtxt(path, ndmin=1)) if path.suffix == ".txt" else _read_lines(path)
-    except SceneError:
-        raise
-    # Each format of meshio has its own ways to fail, and it ends the process for some.
-    except (Exception, SystemExit) as error:
-        expected = f"name a file of positions or a mesh that meshio reads ({type(error).__name__}: {error})"
-        raise SceneError("mesh", expected, str(path)) from None
 
 
 def _read_lines(path: Path) -> Array:

@@ -15,7 +15,9 @@ from belt_fenicsx.solution import Contact, Zone
 # that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.
 TOLERANCE = 1e-6
 
-FREE, STICK, FORWARD, BACKWARD, FRICTIONLESS = "free", "stick", "forward", "backward", "frictionless"
+# Contact states of points, as numbers: arrays of words take ten times the memory and the time.
+FREE, STICK, FORWARD, BACKWARD, FRICTIONLESS = range(5)
+SLIP = {"forward": FORWARD, "backward": BACKWARD}
 
 # A run of points inside the belt counts as a zone when it is longer than one element, which has two of them.
 SHORTEST_RUN = 3
@@ -60,22 +62,21 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
     pulley = scene.pulleys[0]
     kinds = _without_short_runs(_kinds(data, pulley.friction, pulley.slip))
     starts = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
-    r = CubicHermiteSpline(data.sigma, data.r, data.dr)
 
     half = scene.belt.length / 2
     sigma = np.array([-half, *(_border(data, kinds, start, pulley.x_trans) for start in starts), half])
-    x = np.array([-scene.span / 2, *r(sigma[1:-1])[:, 0], scene.span / 2])
-    zones = tuple(
-        _zone(str(kind), sigma[i : i + 2], x[i : i + 2]) for i, kind in enumerate(kinds[np.append(0, starts)])
-    )
+    x = np.array([-scene.span / 2, *(_r(data, place)[0] for place in sigma[1:-1]), scene.span / 2])
+    zones = tuple(_zone(kind, sigma[i : i + 2], x[i : i + 2]) for i, kind in enumerate(kinds[np.append(0, starts)]))
 
-    touching = [zone for zone in zones if zone.kind != FREE]
+    touching = [zone for zone in zones if zone.kind != "free"]
     sigma_up, sigma_off = touching[0].sigma[0], touching[-1].sigma[1]
     sigma_trans, x_trans = _transition(data, pulley.x_trans, touching)
     stuck = (kinds == STICK) & (data.share == 0.0) & (np.abs(data.f) < pulley.friction * data.p)
-    D_trans = np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*r(sigma_trans, 1))
+    D_trans = (
+        np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1))
+    )
     omega = scene.transport_rate * float(D_trans) / pulley.radius
-    up, off = r([sigma_up, sigma_off]) - np.asarray(pulley.center)
+    up, off = (_r(data, sigma) - np.asarray(pulley.center) for sigma in (sigma_up, sigma_off))
     contact = Contact(
         omega=omega,
         x_up=touching[0].x[0],
@@ -108,7 +109,7 @@ def _kinds(data: GaussData, friction: float, slip: str | None) -> Array:
         return np.where(data.p > 0.0, FRICTIONLESS, FREE)
     clipped = np.abs(data.f) >= friction * data.p
     before = np.where(clipped, np.where(data.f < 0.0, FORWARD, BACKWARD), STICK)
-    return np.where(data.p > 0.0, np.where(data.share < 0.5, before, slip), FREE)
+    return np.where(data.p > 0.0, np.where(data.share < 0.5, before, SLIP.get(slip, STICK)), FREE)
 
 
 def _without_short_runs(kinds: Array) -> Array:
@@ -143,6 +144,13 @@ def _lift_off(data: GaussData, near: int, outwards: int) -> float:
     return float(data.sigma[near] + (data.sigma[near] - data.sigma[far]) * gaps[1] / (gaps[0] - gaps[1]))
 
 
+def _r(data: GaussData, sigma: float, derivative: int = 0) -> Array:
+    """Position ``(2,)``, or its derivative, by cubics between the points."""
+    after = int(np.clip(np.searchsorted(data.sigma, sigma), 1, len(data.sigma) - 1))
+    beside = slice(after - 1, after + 1)
+    return CubicHermiteSpline(data.sigma[beside], data.r[beside], data.dr[beside])(sigma, derivative)
+
+
 def _sigma_at(data: GaussData, near: int, x: float) -> float:
     return float(data.sigma[near] + (x - data.r[near, 0]) / data.dr[near, 0])
 
@@ -156,8 +164,8 @@ def _transition(data: GaussData, x_trans: float | str | None, touching: list[Zon
     return _sigma_at(data, int(np.argmin(np.abs(data.r[:, 0] - x_trans))), x_trans), x_trans
 
 
-def _zone(kind: str, sigma: Array, x: Array) -> Zone:
+def _zone(kind: int, sigma: Array, x: Array) -> Zone:
     ends = {"sigma": (float(sigma[0]), float(sigma[1])), "x": (float(x[0]), float(x[1]))}
     if kind in (FREE, STICK):
-        return Zone(kind=kind, **ends)
-    return Zone(kind="slip", slip=None if kind == FRICTIONLESS else kind, **ends)
+        return Zone(kind="free" if kind == FREE else "stick", **ends)
+    return Zone(kind="slip", slip=next((slip for slip, number in SLIP.items() if number == kind), None), **ends)

@@ -9,21 +9,47 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from belt_fenicsx.files import from_plain, to_plain
+import numpy as np
+
+from belt_fenicsx.files import from_plain, to_plain, versions
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.scene_file import scene_to_dict
 from belt_fenicsx.solution import Solution
 
+# Of the Newton solvers' options, as in `petsc_options`, which a sweep by the BVP must not load.
+PREFIX = "belt_"
 
-def key(scene: Scene, arguments: Mapping[str, Any]) -> str:
-    """Names a scene together with the solver's arguments; equal ones have equal names."""
-    asked = json.dumps([scene_to_dict(scene), arguments], sort_keys=True, default=repr)
-    return hashlib.sha256(asked.encode()).hexdigest()
+
+def keys(scenes: Sequence[Scene], arguments: Mapping[str, Any]) -> list[str]:
+    """Names scenes together with the solver's arguments; equal ones have equal names.
+
+    So do answers by equal versions of this package, with equal options from PETSc's command line.
+    """
+    asked = _digest([arguments, _computed_by()])
+    return [_digest([scene_to_dict(scene), asked]) for scene in scenes]
+
+
+def _digest(plain: Any) -> str:
+    return hashlib.sha256(json.dumps(plain, sort_keys=True, default=_plain).encode()).hexdigest()
+
+
+def _computed_by() -> dict[str, Any]:
+    """What an answer depends on beside its scene and the arguments."""
+    petsc = sys.modules.get("petsc4py.PETSc")
+    options = {} if petsc is None else petsc.Options().getAll()
+    own = {name: value for name, value in options.items() if name.startswith(PREFIX)}
+    return {"version": versions().get("belt_fenicsx"), "options": own}
+
+
+def _plain(value: Any) -> Any:
+    """An argument as JSON; a long array's text would leave out most of it."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
 
 
 class Parts:

@@ -23,7 +23,7 @@ from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import with_values
 from belt_fenicsx.solution import Solution, Stage, Status
 from belt_fenicsx.solver import solve
-from belt_fenicsx.sweep_parts import Parts, key
+from belt_fenicsx.sweep_parts import Parts, keys
 from belt_fenicsx.sweep_ranks import OneProcess, Ranks, ranks_of
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def sweep(
     call = _call(solver, arguments, comm)
     ranks = ranks_of(comm)
     parts = None if out is None else Parts(Path(out), ranks.rank)
-    names = [] if parts is None else [key(scene, _asked(call)) for scene in wanted]
+    names = [] if parts is None else keys(wanted, _asked(call))
     known = {} if parts is None else ranks.on_first(parts.read)
     solutions = {index: known[name] for index, name in enumerate(names) if name in known}
     missing = [index for index in range(len(wanted)) if index not in solutions]

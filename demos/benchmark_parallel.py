@@ -3,7 +3,9 @@
 #
 # The fixed mesh takes more and more elements, on one rank and on two; a sweep takes many scenes, each solved by one
 # rank. Every run is a process (or an mpirun) of its own. Time is that of the solve, or of the sweep, after the forms
-# were compiled; memory is the largest that a rank ever held.
+# were compiled. Memory is the largest that a rank ever held; for each element, what it was more than after a first
+# small solve. Fine meshes need few Newton iterations, as the coarser mesh before left little to do: so the table has
+# their number, too.
 #
 #     python demos/benchmark_parallel.py            prints the table
 #     python demos/benchmark_parallel.py --readme   writes it into the README, too
@@ -17,12 +19,13 @@ import resource
 import subprocess
 import sys
 import time
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
+from readme import write_into_readme
 
-README = Path(__file__).parent.parent / "README.md"
-ELEMENTS = (1_000, 10_000, 100_000, 400_000)
+ELEMENTS = (1_000, 10_000, 100_000, 1_000_000)
+FITTED = 10_000  # elements from which on powers are fitted
 RANKS = (1, 2)
 SCENES = 2000
 OMEGA = 1.4807092526223
@@ -38,9 +41,21 @@ def elements(count: int) -> dict[str, float]:
     from belt_fenicsx import Scene, solve
 
     solve(Scene(), method="augmented-lagrangian", elements=100)
-    began = time.perf_counter()
+    before, began = held(), time.perf_counter()
     solution = solve(Scene(), method="augmented-lagrangian", elements=count)
-    return {"seconds": time.perf_counter() - began, "error": abs(solution.omega / OMEGA - 1.0)}
+    seconds = time.perf_counter() - began
+    (last,) = [stage for stage in solution.stages if stage.name == "frictional"]
+    return {
+        "seconds": seconds,
+        "error": abs(solution.omega / OMEGA - 1.0),
+        "iterations": last.iterations,
+        "bytes each": (held() - before) / count,
+    }
+
+
+def held() -> int:
+    """Largest memory that this process ever held [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def scenes(count: int) -> dict[str, float]:
@@ -66,9 +81,9 @@ def run_rank(what: str, count: int) -> None:
     logging.basicConfig(level=logging.WARNING)
     logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
     measures = {"elements": elements, "scenes": scenes}[what](count)
-    kilobytes = MPI.COMM_WORLD.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, MPI.MAX)
+    most = MPI.COMM_WORLD.allreduce(held(), MPI.MAX)
     if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps({**measures, "bytes": 1024 * kilobytes}))
+        print(json.dumps({**measures, "bytes": most}))
 
 
 # %% [markdown]
@@ -84,32 +99,42 @@ def measured(what: str, count: int, ranks: int) -> dict[str, float]:
     return json.loads(result.stdout.splitlines()[-1])
 
 
-def row(what: str, count: int) -> str:
-    """A line of the table: times on each number of ranks, and the gain."""
-    print(f"{count} {what} ...", file=sys.stderr)
-    runs = [measured(what, count, ranks) for ranks in RANKS]
-    times = [run["seconds"] for run in runs]
-    each = 1e6 * times[0] / count
-    error = f"{runs[0]['error']:.0e}" if "error" in runs[0] else ""
-    memory = " / ".join(f"{run['bytes'] / 1e6:.0f}" for run in runs)
-    cells = (f"{count:.0e} {what}", *(f"{t:.3g}" for t in times), f"{times[0] / times[1]:.2f}", f"{each:.0f}")
-    return f"| {' | '.join((*cells, memory, error))} |"
+def row(count: int, what: str, runs: list[dict[str, float]]) -> str:
+    """A line of the table: times on each number of ranks, the gain, and what one rank took for each element."""
+    times, memory = ([run[name] for run in runs] for name in ("seconds", "bytes"))
+    cells = [f"{count:.0e} {what}", *(f"{t:.3g}" for t in times), f"{times[0] / times[1]:.2f}"]
+    cells += [f"{1e6 * times[0] / count:.0f}", " / ".join(f"{m / 1e6:.0f}" for m in memory)]
+    if what == "elements":
+        cells += [f"{runs[0]['bytes each'] / 1e3:.1f}", f"{runs[0]['iterations']}", f"{runs[0]['error']:.0e}"]
+    else:
+        cells += [""] * 3
+    return f"| {' | '.join(cells)} |"
+
+
+def power(counts: Sequence[int], values: Sequence[float]) -> float:
+    """Fitted power with which values grow with the counts."""
+    return float(np.polyfit(np.log(counts), np.log(values), 1)[0])
 
 
 def table() -> str:
     """The table, with the machine's load when it was begun."""
-    head = ("run", *(f"ranks {n} [s]" for n in RANKS), "gain", "1 rank, each [us]", "memory of a rank [MB]", "error")
-    lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run."
-    lines += [row("elements", count) for count in ELEMENTS] + [row("scenes", SCENES)]
-    return "\n".join([load, "", *lines])
-
-
-def write_into_readme(text: str) -> None:
-    """Replaces what stands between the README's two markers."""
-    before, _, rest = README.read_text().partition("<!-- parallel -->\n")
-    _, _, after = rest.partition("<!-- /parallel -->")
-    README.write_text(f"{before}<!-- parallel -->\n{text}\n<!-- /parallel -->{after}")
+    asked = [(count, "elements") for count in ELEMENTS] + [(SCENES, "scenes")]
+    runs = {}
+    for count, what in asked:
+        print(f"{count} {what} ...", file=sys.stderr)
+        runs[count, what] = [measured(what, count, ranks) for ranks in RANKS]
+    times = [f"ranks {n} [s]" for n in RANKS]
+    each = ["1 rank, each [us]", "memory of a rank [MB]", "1 rank, each [kB]", "iterations on this mesh", "error"]
+    head = ["run", *times, "gain", *each]
+    lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
+    lines += [row(count, what, runs[count, what]) for count, what in asked]
+    fitted = [count for count in ELEMENTS if count >= FITTED]
+    one = [runs[count, "elements"][0] for count in fitted]
+    seconds = power(fitted, [run["seconds"] for run in one])
+    memory = power(fitted, [run["bytes each"] * count for count, run in zip(fitted, one, strict=True)])
+    text = f"Fitted powers from {FITTED:.0e} elements on, one rank: time {seconds:.2f}, memory {memory:.2f}."
+    return "\n".join([load, "", *lines, "", text])
 
 
 # %%
@@ -125,4 +150,4 @@ if __name__ == "__main__":
         text = table()
         print(text)
         if arguments.readme:
-            write_into_readme(text)
+            write_into_readme("parallel", text)

@@ -1,7 +1,9 @@
 """The command line: what it refuses, what it prints, how it exits."""
 
 import json
+import logging
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +20,9 @@ from belt_fenicsx.solution import Check, Contact, Solution, Stage, Status, Zone
 
 serial = pytest.mark.serial
 SCENE = str(Path(__file__).parent.parent / "demos" / "one_pulley.toml")
+
+MESH = str(Path(__file__).parent.parent / "meshes" / "graded_100.txt")
+FIXED = ("--method", "augmented-lagrangian")
 
 
 def command(*argv, **kwargs):
@@ -44,6 +49,11 @@ BAD = [
     (["--elements", "1.5"], "--elements", "whole number"),
     (["--elements", "1" + "0" * 30], "--elements", "whole number"),
     (["--elements", "10", "--method", "bvp"], "--elements", "left out"),
+    (["--mesh", MESH], "--mesh", "come with --method augmented-lagrangian"),
+    (["--mesh", MESH, "--method", "bvp"], "--mesh", "come with --method augmented-lagrangian"),
+    (["--mesh", MESH, *FIXED, "--elements", "10"], "--mesh", "left out with --elements"),
+    (["--mesh", "missing.txt", *FIXED], "--mesh", "a file that is there"),
+    (["--mesh", ".", *FIXED], "--mesh", "a file that is there"),
     (["--plot", "figure"], "--plot", ".pdf, .png, .svg"),
     (["--plot", "figure.xyz"], "--plot", ".pdf, .png, .svg"),
     (["--plot", "missing/figure.png"], "--plot", "folder that exists"),
@@ -323,6 +333,42 @@ def test_finite_elements_print_on_rank_0_and_agree_on_the_code(capfd):
     assert cli.main(["--method", "augmented-lagrangian", "--json"]) == 0
     out = capfd.readouterr().out
     assert ('"omega"' in out) == (cli._rank() == 0)
+
+
+def test_a_mesh_from_a_file(capfd, tmp_path):
+    pytest.importorskip("dolfinx")
+    assert cli.main(["--mesh", MESH, *FIXED, "--json"]) == 0
+    out = capfd.readouterr().out
+    if cli._rank() == 0:
+        assert json.loads(out)["omega"] == pytest.approx(1.4807092526, rel=1e-6)
+    assert cli.main(["--mesh", MESH, *FIXED, "--set", "belt.length=1.01"]) == 2
+    err = capfd.readouterr().err
+    if cli._rank() == 0:
+        assert "`mesh` must cover the belt, [-0.505, 0.505] [m], got [-0.5, 0.5]" in err
+
+
+@pytest.mark.parametrize(
+    ("method", "logger", "line"),
+    [
+        ("fitted", "fitted_newton", r"iteration 0: residual \S+, step \S+, borders -0\.2\d+ \S+ 0\.2\d+ Ls"),
+        (
+            "augmented-lagrangian",
+            "augmented_lagrangian",
+            r"100 elements, update 1, Newton iterations \d+: residual \S+, step \S+, penetration \S+, "
+            r"multiplier change \S+, contact from -0\.2\d+ to 0\.2\d+ Ls",
+        ),
+    ],
+)
+def test_verbose_tells_the_course_of_the_solve(method, logger, line, caplog):
+    pytest.importorskip("dolfinx")
+    solve = pytest.importorskip("belt_fenicsx.solver").solve
+    solve(Scene(), method=method)
+    assert caplog.messages == []
+    caplog.set_level(logging.INFO, logger="belt_fenicsx")
+    solve(Scene(), method=method)
+    told = [record.getMessage() for record in caplog.records if record.name == f"belt_fenicsx.{logger}"]
+    assert bool(told) == (method == "fitted" or cli._rank() == 0)
+    assert all(re.fullmatch(line, text) for text in told[:1])
 
 
 def test_more_ranks_than_cells_is_bad_input(capfd):

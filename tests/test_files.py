@@ -11,7 +11,7 @@ import pytest
 from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene
 from belt_fenicsx.files import export, fields_csv, load, replaced, save, write_centreline
 
-pytestmark = pytest.mark.serial
+serial = pytest.mark.serial
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +19,7 @@ def solution():
     return bvp.solve(Scene(), rtol=1e-6)
 
 
+@serial
 def test_a_saved_solution_comes_back_whole(solution, tmp_path):
     solution.save(tmp_path / "result.npz")
     again = Solution.load(tmp_path / "result.npz")
@@ -28,6 +29,7 @@ def test_a_saved_solution_comes_back_whole(solution, tmp_path):
     assert again.admissible
 
 
+@serial
 def test_a_failed_solution_comes_back_too(tmp_path):
     failed = Solution(scene=Scene(), method="made up", status=Status.NEWTON_DIVERGED, message="Stage `x`")
     save(failed, tmp_path / "failed.npz")
@@ -35,6 +37,7 @@ def test_a_failed_solution_comes_back_too(tmp_path):
     assert (again.status, again.message, again.fields) == (failed.status, failed.message, None)
 
 
+@serial
 def test_a_loaded_solution_is_a_warm_start(solution, tmp_path):
     fixed = pytest.importorskip("belt_fenicsx.augmented_lagrangian")
     cold = fixed.solve(Scene())
@@ -44,6 +47,7 @@ def test_a_loaded_solution_is_a_warm_start(solution, tmp_path):
     assert warm.omega == pytest.approx(cold.omega, rel=1e-9)
 
 
+@serial
 @pytest.mark.parametrize("content", [None, b"", b"not a file of arrays", b"PK\x03\x04"])
 def test_a_file_that_is_none_of_ours(content, tmp_path):
     path = tmp_path / "other.npz"
@@ -53,11 +57,13 @@ def test_a_file_that_is_none_of_ours(content, tmp_path):
         load(path)
 
 
+@serial
 def test_another_ending_is_refused(solution, tmp_path):
     with pytest.raises(SceneError, match="`path` must end in .npz"):
         save(solution, tmp_path / "result.dat")
 
 
+@serial
 def test_csv_has_units_and_reads_back(solution):
     head, *rows = csv.reader(io.StringIO(fields_csv(solution)))
     table = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
@@ -66,6 +72,7 @@ def test_csv_has_units_and_reads_back(solution):
     assert np.array_equal(table["y [m]"], solution.fields.y)
 
 
+@serial
 @pytest.mark.parametrize("suffix", ["vtu", "vtk"])
 def test_centreline_reads_back(suffix, solution, tmp_path):
     meshio = pytest.importorskip("meshio")
@@ -79,6 +86,7 @@ def test_centreline_reads_back(suffix, solution, tmp_path):
     assert len(mesh.cells_dict["line"]) == len(solution.fields.sigma) - 1
 
 
+@serial
 def test_a_folder_reproduces_its_result(solution, tmp_path):
     pytest.importorskip("meshio")
     pytest.importorskip("tomli_w")
@@ -92,6 +100,7 @@ def test_a_folder_reproduces_its_result(solution, tmp_path):
     assert bvp.solve(scene, rtol=1e-6).omega == solution.omega
 
 
+@serial
 def test_a_write_that_fails_leaves_the_old_file(tmp_path):
     path = tmp_path / "result.txt"
     path.write_text("old")
@@ -102,6 +111,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+@serial
 def test_command_line_writes_the_folder(tmp_path, capsys):
     pytest.importorskip("meshio")
     pytest.importorskip("tomli_w")
@@ -110,3 +120,27 @@ def test_command_line_writes_the_folder(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert cli.main(["--method", "bvp", "--out", str(tmp_path / "file" / "b")]) == 2
     assert "`--out` must name a folder" in capsys.readouterr().err
+
+
+def test_ranks_write_each_file_once_and_its_values_come_back(tmp_path):
+    world, solver = (pytest.importorskip(name) for name in ("mpi4py.MPI", "belt_fenicsx.solver"))
+    meshio = pytest.importorskip("meshio")
+    pytest.importorskip("tomli_w")
+    comm = world.COMM_WORLD
+    folder = comm.bcast(tmp_path, root=0) / "out"
+    assert cli.main(["--method", "augmented-lagrangian", "--elements", "60", "--out", str(folder)]) == 0
+    comm.Barrier()
+    fields = solver.solve(Scene(), method="augmented-lagrangian", elements=60).fields
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["belt.vtu", "fields.csv", "result.json", "result.npz", "scene.toml", "versions.json"]
+
+    again = load(folder / "result.npz")
+    for name, values in vars(fields).items():
+        assert np.array_equal(values, getattr(again.fields, name)), name
+    assert fields_csv(again) == (folder / "fields.csv").read_text()
+    mesh = meshio.read(folder / "belt.vtu")
+    assert np.array_equal(mesh.points[:, :2], fields.r)
+    assert np.array_equal(mesh.cells_dict["line"], np.arange(119)[:, np.newaxis] + (0, 1))
+    assert np.all(np.diff(np.ravel(mesh.point_data["sigma"])) > 0.0)
+    for name in ("sigma", "theta", "D", "p", "f", "M", "v_rel"):
+        assert np.array_equal(np.ravel(mesh.point_data[name]), getattr(fields, name)), name

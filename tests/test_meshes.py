@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from belt_fenicsx import Belt, Scene, SceneError, solve
+from belt_fenicsx import Belt, Scene, SceneError, compat, solve
 from belt_fenicsx.augmented_lagrangian import solve as solve_fixed
+from belt_fenicsx.mesh import unit_cells
 from belt_fenicsx.node_positions import map_slopes, node_positions
 
 OMEGA = 1.4807092526223
@@ -98,6 +99,14 @@ def test_same_omega_on_any_number_of_ranks(make):
     assert together.omega == pytest.approx(alone.omega, rel=1e-12)
 
 
+@pytest.mark.parametrize(("ratio", "rtol"), [(20.0, 1e-11), (20.0, 1e-13), (100.0, 1e-12), (1000.0, 1e-12)])
+def test_updates_end_where_rounding_begins(make, ratio, rtol):
+    """Small cells have large penalties, by which a rounding error of a penetration changes the pressure."""
+    loose, tight = (solve_fixed(Scene(), mesh=make.graded(250, ratio), rtol=r) for r in (1e-9, rtol))
+    assert tight.omega == pytest.approx(loose.omega, rel=1e-8)
+    assert tight.measures["multiplier_change"] <= max(1e3 * rtol, 10.0 * tight.measures["rounding"])
+
+
 def test_the_map_increases_everywhere(make):
     from scipy.interpolate import CubicHermiteSpline
 
@@ -154,3 +163,13 @@ def test_a_mesh_excludes_elements_and_fitted_zones():
         solve_fixed(Scene(), mesh=GOOD, elements=20)
     with pytest.raises(SceneError, match="`mesh` must be left out with the method fitted"):
         solve(Scene(), mesh=GOOD)
+
+
+@pytest.mark.parametrize("elements", [MPI.COMM_WORLD.size + 1, 1000])
+def test_unit_cells_are_shared_out_in_their_order(elements):
+    domain, cells = unit_cells(elements, MPI.COMM_WORLD)
+    mine = compat.nodes(domain)[cells]
+    nodes = np.concatenate(MPI.COMM_WORLD.allgather(mine))
+    assert np.array_equal(nodes, np.column_stack([np.arange(elements), np.arange(1, elements + 1)]))
+    assert domain.topology.index_map(0).size_global == elements + 1
+    assert len(mine) in (elements // MPI.COMM_WORLD.size, elements // MPI.COMM_WORLD.size + 1)

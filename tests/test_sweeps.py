@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from belt_fenicsx import Pulley, Scene, SceneError, Status, bvp, sweep
+from belt_fenicsx import Pulley, Scene, SceneError, Status, bvp, sweep, sweep_parts
 from belt_fenicsx.sweep_ranks import shares
 
 PLACES = (-0.1, 0.0, 0.1)
@@ -236,6 +236,27 @@ def test_other_arguments_are_another_sweep(tmp_path):
     again = []
     over_ranks(None, quick_again(again), out=table, rtol=1e-5)
     assert len(again) == len(MANY)
+
+
+@pytest.mark.serial
+def test_answers_are_those_of_one_version_and_of_the_same_options(monkeypatch):
+    def name(**arguments):
+        return sweep_parts.keys([Scene()], arguments)[0]
+
+    assert name(rtol=1e-8) == name(rtol=1e-8) != name(rtol=1e-9)
+    positions = np.linspace(-0.5, 0.5, 3001)
+    other = np.where(np.arange(3001) == 1500, 1e-5, positions)
+    assert name(mesh=positions) == name(mesh=positions.copy()) != name(mesh=other)
+
+    PETSc = pytest.importorskip("petsc4py.PETSc")
+    before, options = name(), PETSc.Options()
+    for option, matters in (("belt_snes_max_it", True), ("log_view_of_nobody", False)):
+        options[option] = 7
+        assert (name() != before) == matters
+        options.delValue(option)
+    assert name() == before
+    monkeypatch.setattr(sweep_parts, "versions", lambda: {"belt_fenicsx": "0.0.0"})
+    assert name() != before
 
 
 @pytest.mark.serial
