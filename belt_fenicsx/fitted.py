@@ -16,7 +16,6 @@ estimate of the error that it leaves.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,7 +28,7 @@ from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
 from belt_fenicsx.fitted_limits import check_limits, near_by
-from belt_fenicsx.fitted_newton import Newton
+from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import change
 from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, Stopped, meets, starts
 from belt_fenicsx.fitted_state import State
@@ -89,9 +88,8 @@ def solve(
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
     dimensionless, units = scene.dimensionless()
-    with contextlib.closing(Newton(options)) as newton:
-        run = Run(scene, dimensionless, units, elements, newton)
-        solution = solved(run, initial, rtol, degree)
+    run = Run(scene, dimensionless, units, elements, newton(tuple(sorted((options or {}).items()))))
+    solution = solved(run, initial, rtol, degree)
     if not solution.success:
         check_limits(scene, solve)
         if initial is None and (near := near_by(scene, solve)) is not None:
@@ -110,28 +108,29 @@ def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) 
         SceneError: The transition lies outside of the contact.
     """
     scene = run.asked
-    solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
     try:
         state, estimate, change_of_p = found(run, initial, rtol, degree)
-        status = Status.SOLVED if degree is not None or estimate <= rtol else Status.ACCURACY_NOT_REACHED
-        solution = replace(
-            solution,
-            status=status,
-            error_estimate=estimate,
-            measures={"change of p": change_of_p},
-            state=state,
-            evaluator=functools.partial(fields_at, run.scene, state),
-            **answer(run.scene, state),
-        ).in_units(scene, run.units)
-        run.ran("answer", "fields between the nodes")
     except Stopped as stopped:
-        solution = replace(solution, status=stopped.status, message=stopped.message)
-    iterations = sum(stage.iterations or 0 for stage in run.stages)
-    solution = replace(solution, stages=tuple(run.stages), iterations=iterations)
-    if solution.fields is None:
-        return solution
+        return _ended(run, status=stopped.status, message=stopped.message)
+    status = Status.SOLVED if degree is not None or estimate <= rtol else Status.ACCURACY_NOT_REACHED
+    found_there = answer(run.scene, state)
+    run.ran("answer", "fields between the nodes")
+    solution = _ended(
+        run,
+        status=status,
+        error_estimate=estimate,
+        measures={"change of p": change_of_p},
+        state=state,
+        evaluator=functools.partial(fields_at, run.scene, state),
+        **found_there,
+    ).in_units(scene, run.units)
     check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
     return certified(solution, tolerance=TOLERANCE)
+
+
+def _ended(run: Run, **what_there_is: Any) -> Solution:
+    iterations = sum(stage.iterations or 0 for stage in run.stages)
+    return Solution(scene=run.asked, method=METHOD, stages=tuple(run.stages), iterations=iterations, **what_there_is)
 
 
 def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> tuple[State, float, float]:

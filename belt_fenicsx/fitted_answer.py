@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.condensed import local
-from belt_fenicsx.fields import Array, Fields, simpson_weights
-from belt_fenicsx.fitted_forms import lagrange_basis, points
-from belt_fenicsx.fitted_state import State, uniform
+from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.fitted_state import POINTS, State, norm, tables
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Contact, Zone
 
-POINTS = 17  # of the fields, in each cell
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
-
-
-@functools.cache
-def tables(degree: int, count: int) -> tuple[Array, Array, Array, Array]:
-    """At ``count`` points of the reference cell: polynomials through the nodes, their slopes, polynomials through the
-    Gauss points; and weights of Simpson's rule."""
-    at = uniform(count)
-    nodes, gauss = points(degree)
-    return *lagrange_basis(nodes, at), lagrange_basis(gauss, at)[0], simpson_weights(at)
 
 
 def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
     """sigma, p, f and D densely along a zone."""
-    at, cells = local(state.degree), state.mesh.cells(index)
-    _, slopes, gauss, _ = tables(state.degree, POINTS)
-    values, length = state.values[cells], state.length[cells, None]
-    D = _norm(state.chords[cells, None, 2:] + slopes @ values[:, at.r]) / length
-    sigma = state.sigma[cells, :1] + length * uniform(POINTS)
-    return sigma.ravel(), (values[:, at.p] @ gauss.T).ravel(), (values[:, at.f] @ gauss.T).ravel(), D.ravel()
+    cells, dense = state.mesh.cells(index), state.dense
+    return tuple(field[cells].ravel() for field in (dense.sigma, dense.p, dense.f, dense.D))
 
 
 def pulley_speed(scene: Scene, state: State) -> float:
@@ -53,7 +36,7 @@ def pulley_speed(scene: Scene, state: State) -> float:
     while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
         # Where cells meet, a point counts twice.
         sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
-        D = _norm(state.slopes_at(*state.located(sigma))[0])
+        D = norm(state.slopes_at(*state.located(sigma))[0])
         slowest, last = int(np.argmin(sense * D)), D.size - 1
     return float(D[slowest])
 
@@ -70,35 +53,27 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
     (r, theta, p, f), (dr, kappa) = state.at(cell, xi), state.slopes_at(cell, xi)
-    D = _norm(dr)
+    D = norm(dr)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
         D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
-def fields(scene: Scene, state: State, count: int = POINTS) -> Fields:
-    """Fields at ``count`` points of each cell; the borders between zones appear once for each side."""
-    at, mesh, values, length = local(state.degree), state.mesh, state.values, state.length[:, None]
-    nodal, slopes, gauss, simpson = tables(state.degree, count)
-    dr, once = state.dr(slopes), mesh.once(count)
-    D = _norm(dr)
-    weight = length * simpson
-    weight[:-1, -1] += np.where(mesh.zone[1:] == mesh.zone[:-1], weight[1:, 0], 0.0)
-    everywhere = {
-        "zone": np.repeat(mesh.zone, count).reshape(-1, count),
-        "weight": weight,
-        "sigma": state.sigma[:, :1] + length * uniform(count),
-        "r": state.r(uniform(count), nodal),
-        "theta": values[:, at.theta] @ nodal.T,
-        "phi": np.arctan2(dr[..., 1], dr[..., 0]),
-        "D": D,
-        "kappa": values[:, at.theta] @ slopes.T / length,
-        "p": values[:, at.p] @ gauss.T,
-        "f": values[:, at.f] @ gauss.T,
-        "v_rel": D - pulley_speed(scene, state),
-    }
-    return Fields.from_state(scene.belt, **{name: field[once] for name, field in everywhere.items()})
+def fields(scene: Scene, state: State) -> Fields:
+    """Fields at even points of each cell; the borders between zones appear once for each side."""
+    mesh, dense = state.mesh, state.dense
+    weight = state.length[:, None] * tables(state.degree)[3]
+    inner = ~mesh.begins[1:]
+    weight[:-1, -1][inner] += weight[1:, 0][inner]
+    # Where two cells of a zone meet, the point of the first one counts.
+    once = np.ones(weight.shape, dtype=bool)
+    once[:, 0] = mesh.begins
+    sigma, r, dr, D, theta, kappa, p, f = (field[once] for field in dense)
+    return Fields.from_state(
+        scene.belt, zone=np.repeat(mesh.zone, POINTS)[once.ravel()], weight=weight[once], sigma=sigma, r=r, theta=theta,
+        phi=np.arctan2(dr[:, 1], dr[:, 0]), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+    )  # fmt: skip
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
@@ -122,7 +97,3 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
         zones=zones[1:-1],
     )
     return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}
-
-
-def _norm(vectors: Array) -> Array:
-    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import logging
 import math
@@ -174,23 +175,17 @@ def iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
 
 
 class Newton:
-    """SNES for the solves of one scene.
+    """SNES for solves with the same options."""
 
-    It is to be closed: petsc4py would keep it until PETSc ends, when its iteration, which is in Python, is gone.
-    """
-
-    def __init__(self, options: Mapping[str, Any] | None) -> None:
+    def __init__(self, options: Mapping[str, Any]) -> None:
         self._x, self._b = (PETSc.Vec().createSeq(1, comm=PETSc.COMM_SELF) for _ in range(2))
         self.snes = PETSc.SNES().create(PETSc.COMM_SELF)
         self.snes.setType("python")
         self.snes.setFunction(lambda *_: None, self._b)
         self.snes.setTolerances(max_it=MOST_ITERATIONS)
         set_options(self.snes, {}, options)
-
-    def close(self) -> None:
-        """Destroys what PETSc holds."""
-        for held in (self.snes, self._x, self._b):
-            held.destroy()
+        # PETSc itself ends after Python, when the iteration, which is in Python, is gone.
+        atexit.register(self.snes.destroy)
 
     def solve(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
         """Iterates until a step is below ``arrived``, and small against the zones that it shortens.
@@ -206,6 +201,12 @@ class Newton:
         values, chords = iteration.values.copy(), iteration.chords.copy()
         state = State(start.mesh, start.cells, start.degree, iteration.ends, chords, values)
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
+
+
+@functools.lru_cache(maxsize=8)
+def newton(options: tuple[tuple[str, Any], ...]) -> Newton:
+    """The solver with these options; made once in a process."""
+    return Newton(dict(options))
 
 
 def switches(mesh: Mesh) -> Array:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_answer import POINTS, along
-from belt_fenicsx.fitted_state import State
+from belt_fenicsx.fitted_answer import along
+from belt_fenicsx.fitted_state import POINTS, State
 from belt_fenicsx.scene import RUN_OFF, Scene, Slip
 from belt_fenicsx.zones import FREE, STICK, Part, Zones, ordered
 

@@ -4,15 +4,45 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from belt_fenicsx.condensed import local, width
-from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
+
+POINTS = 17  # of dense fields, in each cell, its ends among them
+EVEN = np.linspace(0.0, 1.0, POINTS)
+
+
+class Dense(NamedTuple):
+    """Fields ``(n, POINTS)`` of all cells; r and dr are vectors ``(n, POINTS, 2)``."""
+
+    sigma: Array
+    r: Array
+    dr: Array
+    D: Array
+    theta: Array
+    kappa: Array
+    p: Array
+    f: Array
+
+
+@functools.cache
+def tables(degree: int) -> tuple[Array, Array, Array, Array]:
+    """At even points of the reference cell: polynomials through the nodes, their slopes, polynomials through the Gauss
+    points; and weights of Simpson's rule."""
+    nodes, gauss = points(degree)
+    return *lagrange_basis(nodes, EVEN), lagrange_basis(gauss, EVEN)[0], simpson_weights(EVEN)
+
+
+def norm(vectors: Array) -> Array:
+    """Lengths of vectors ``(..., 2)``."""
+    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
 
 
 @dataclass(frozen=True)
@@ -81,6 +111,23 @@ class State:
         """Derivatives of positions ``(n, m, 2)`` in all cells, where the nodes' polynomials have the ``slopes``."""
         deviation = slopes @ self.values[:, local(self.degree).r]
         return (self.chords[:, None, 2:] + deviation) / self.length[:, None, None]
+
+    @functools.cached_property
+    def dense(self) -> Dense:
+        """Fields at `POINTS` points of each cell, once for all that read them."""
+        at, values, length = local(self.degree), self.values, self.length[:, None]
+        nodal, slopes, gauss, _ = tables(self.degree)
+        dr, theta = self.dr(slopes), values[:, at.theta]
+        return Dense(
+            sigma=self.sigma[:, :1] + length * EVEN,
+            r=self.r(EVEN, nodal),
+            dr=dr,
+            D=norm(dr),
+            theta=theta @ nodal.T,
+            kappa=theta @ slopes.T / length,
+            p=values[:, at.p] @ gauss.T,
+            f=values[:, at.f] @ gauss.T,
+        )
 
     def of_degree(self, degree: int) -> State:
         """The same fields in elements of another degree; exactly the same where it is higher."""
@@ -168,9 +215,8 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     D = string.D(sigma.mean(axis=1))
     tension = scene.belt.extensional_stiffness * np.maximum(D - 1.0, string.strain.min())
     p = np.where(state.mesh.touches, tension * D / scene.pulleys[0].radius, 0.0)
-    sense = np.array([part.sense for part in zones.parts])[state.mesh.zone]
     state.values[:, at.p] = p[:, None]
-    state.values[:, at.f] = (-sense * scene.pulleys[0].friction * p)[:, None]
+    state.values[:, at.f] = (-state.mesh.senses * scene.pulleys[0].friction * p)[:, None]
     return _placed(scene, state, string.r(inside).reshape(n, -1, 2), string.phi(inside).reshape(n, -1))
 
 
@@ -195,7 +241,7 @@ def from_fields(
     at_nodes, at_gauss = (sigma[:, :1] + np.diff(sigma) * inside for inside in (nodes, gauss))
     r, theta, _, _ = _read(old, at_nodes)
     _, _, p, f = _read(old, at_gauss)
-    sense = np.array([part.sense for part in parts])[zone, None]
+    sense = state.mesh.senses[:, None]
     sticks = np.array([part == STICK for part in parts])[zone, None]
     values[:, at.p] = state.mesh.touches[:, None] * p
     values[:, at.f] = np.where(sticks, f, -sense * scene.pulleys[0].friction * p)
@@ -211,9 +257,3 @@ def _read(old: Fields | State, sigma: Array) -> tuple[Array, Array, Array, Array
         return r, theta, p, f
     r = np.stack([np.interp(sigma, old.sigma, x) for x in old.r.T], axis=2)
     return r, *(np.interp(sigma, old.sigma, field) for field in (old.theta, old.p, old.f))
-
-
-@functools.cache
-def uniform(count: int) -> Array:
-    """``count`` points in the reference cell, its ends among them."""
-    return np.linspace(0.0, 1.0, count)

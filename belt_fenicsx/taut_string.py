@@ -18,7 +18,7 @@ from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Pulley, Scene
 
 LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
-SLIP_PIECES = 32
+PIECES = np.linspace(0.0, 1.0, 33)  # of the arc behind the transition
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +59,10 @@ class TautString:
         """Position at ``sigma``, ``(m, 2)`` for ``(m,)`` [m]."""
         piece = self._piece(sigma)
         length = self.stretches[piece] * (sigma - self.sigma[piece])
-        return self.r_ends[piece] + _chord(length, self.phi_ends[piece], self.phi(sigma))
+        return self.r_ends[piece] + _vectors(_chord(length, self.phi_ends[piece], self.phi(sigma)))
 
     def _piece(self, sigma: Array) -> Array:
-        return np.clip(np.searchsorted(self.sigma, sigma, side="right") - 1, 0, self.stretches.size - 1)
+        return np.minimum(self.sigma[1:].searchsorted(sigma, side="right"), self.stretches.size - 1)
 
 
 def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> TautString | None:
@@ -79,23 +79,25 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     Returns:
         The string, or None where it is straight and clear of the pulley.
     """
-    pulley, clamp = scene.pulleys[0], np.array([scene.span / 2, 0.0])
+    pulley, half = scene.pulleys[0], scene.belt.length / 2
     across = [scene.span / 2 + pulley.center[0], scene.span / 2 - pulley.center[0]]
     up, off = contact or (_tangent(pulley, across[0]), -_tangent(pulley, across[1]))
     if up <= off:
         return None
     (start, before), (end, after) = _span(pulley, across[0], up), _span(pulley, across[1], -off)
     trans = _transition(pulley, up, off)
-    phi_ends = np.concatenate([[start, up], np.linspace(trans, off, SLIP_PIECES + 1), [-end]])
-    lengths = np.concatenate([[before], -pulley.radius * np.diff(phi_ends[1:-1]), [after]])
-    sense = -1.0 if pulley.slip == "backward" else 1.0
-    growth = np.exp(sense * pulley.friction * (trans - np.clip((phi_ends[1:] + phi_ends[:-1]) / 2, off, trans)))
+    turned = (trans - off) * PIECES
+    phi_ends = np.concatenate([[start, up], trans - turned, [-end]])
+    lengths = np.diff(phi_ends) * -pulley.radius
+    lengths[0], lengths[-1] = before, after
+    slid = np.concatenate([[0.0, 0.0], (turned[1:] + turned[:-1]) / 2, turned[-1:]])
+    growth = np.exp((-1.0 if pulley.slip == "backward" else 1.0) * pulley.friction * slid)
     strain = _strain(lengths, growth, scene.belt.length)
     stretches = 1.0 + strain * growth
     # A slack belt fills its path with a stretch below one.
-    stretches *= np.sum(lengths / stretches) / scene.belt.length
-    sigma = np.concatenate([[0.0], np.cumsum(lengths / stretches)]) - scene.belt.length / 2
-    sigma[-1] = scene.belt.length / 2
+    stretches *= (lengths / stretches).sum() / scene.belt.length
+    sigma = np.append(-half, np.cumsum(lengths / stretches) - half)
+    sigma[-1] = half
     angles = np.array([up, trans, off])
     return TautString(
         borders=sigma[[1, 2, -2]],
@@ -103,7 +105,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
         x=pulley.center[0] - pulley.radius * np.sin(angles),
         strain=strain * growth[[0, -1]],
         sigma=sigma,
-        r_ends=np.cumsum(np.vstack([-clamp, _chord(lengths, phi_ends[:-1], phi_ends[1:])]), axis=0),
+        r_ends=_vectors(np.append(0.0, np.cumsum(_chord(lengths, phi_ends[:-1], phi_ends[1:]))) - scene.span / 2),
         phi_ends=phi_ends,
         stretches=stretches,
     )
@@ -134,19 +136,21 @@ def _transition(pulley: Pulley, up: float, off: float) -> float:
 
 def _strain(lengths: Array, growth: Array, length: float) -> float:
     """Strain of the first piece, with which the pieces have this length in all when they are not stretched."""
-    slack = LEAST_STRAIN / np.min(growth)
-    strain = slack
+    strain, weighted = LEAST_STRAIN / float(growth.min()), lengths * growth
     # The length is a decreasing, convex function of the strain: Newton's iteration is monotonous from below.
     while True:
-        stretches = 1.0 + strain * growth
-        step = (np.sum(lengths / stretches) - length) / np.sum(lengths * growth / stretches**2)
+        shares = 1.0 / (1.0 + strain * growth)
+        step = float((lengths @ shares - length) / (weighted @ shares**2))
         if not step > 1e-12 * strain:
-            return float(strain)
+            return strain
         strain += step
 
 
 def _chord(length: Array, start: Array, end: Array) -> Array:
-    """Vectors ``(m, 2)`` from end to end of arcs, from their lengths and the angles of their tangents."""
-    middle = (start + end) / 2
-    straight = length * np.sinc((end - start) / (2 * np.pi))
-    return np.column_stack([straight * np.cos(middle), straight * np.sin(middle)])
+    """Ways from end to end of arcs, from their lengths and their tangents' angles, in the complex plane ``(m,)``."""
+    return length * np.sinc((end - start) / (2 * np.pi)) * np.exp(0.5j * (start + end))
+
+
+def _vectors(places: Array) -> Array:
+    """Points of the complex plane as vectors ``(m, 2)``."""
+    return places.view(float).reshape(-1, 2)

@@ -129,11 +129,28 @@ class Mesh:
         """Whether each cell lies on the pulley ``(n,)``."""
         return np.array([part.touches for part in self.zones.parts])[self.zone]
 
-    def once(self, count: int) -> Array:
-        """All of ``count`` points in each cell but those that two cells of a zone share, which count for the first."""
-        once = np.ones((self.zone.size, count), dtype=bool)
-        once[1:, 0] = np.diff(self.zone) > 0
-        return once
+    @functools.cached_property
+    def senses(self) -> Array:
+        """Sense of sliding of each cell ``(n,)``."""
+        return np.array([part.sense for part in self.zones.parts])[self.zone]
+
+    @functools.cached_property
+    def begins(self) -> Array:
+        """Whether each cell is the first one of its zone ``(n,)``."""
+        return np.append(True, self.zone[1:] != self.zone[:-1])
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash((self.zones, self.counts))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
+@functools.lru_cache(maxsize=64)
+def meshed(zones: Zones, counts: tuple[int, ...]) -> Mesh:
+    """Zones divided into so many cells; made once in a process, with what follows from it."""
+    return Mesh(zones, counts)
 
 
 FREE, STICK = Part("free"), Part("stick")
@@ -213,7 +230,7 @@ def divided(
     for grading, count in zip(gradings, wanted, strict=True):
         counts.append(max(FEWEST, round(count * share)))
         nodes += itertools.pairwise(graded(*grading, counts[-1]))
-    return Mesh(zones, tuple(counts)), np.array(nodes)
+    return meshed(zones, tuple(counts)), np.array(nodes)
 
 
 def graded(first: float, growth: float, count: int) -> list[float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import subprocess
 import sys
 from dataclasses import replace
@@ -19,7 +18,7 @@ from belt_fenicsx import bvp, fitted, fitted_forms  # noqa: E402
 from belt_fenicsx.condensed import Condensed, local  # noqa: E402
 from belt_fenicsx.fitted_answer import fields_at  # noqa: E402
 from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points  # noqa: E402
-from belt_fenicsx.fitted_newton import Newton, iteration_on, switches  # noqa: E402
+from belt_fenicsx.fitted_newton import iteration_on, newton, switches  # noqa: E402
 from belt_fenicsx.fitted_state import from_string  # noqa: E402
 from belt_fenicsx.sweeps import sweep  # noqa: E402
 from belt_fenicsx.taut_string import taut_string  # noqa: E402
@@ -39,8 +38,7 @@ def started(case=None, degree=3):
 
 def iterated(dimensionless, state):
     """The iteration after it has converged from a state."""
-    with contextlib.closing(Newton(None)) as newton:
-        newton.solve(dimensionless, state, 1e-3)
+    newton(()).solve(dimensionless, state, 1e-3)
     return iteration_on(state.mesh, state.degree, dimensionless.pulleys[0].friction > 0.0)
 
 
@@ -337,8 +335,7 @@ def test_no_step_lets_borders_cross(monkeypatch):
         residuals()
 
     monkeypatch.setattr(iteration, "residuals", watched)
-    with contextlib.closing(Newton(None)) as newton:
-        newton.solve(dimensionless, state, 1e-6)
+    newton(()).solve(dimensionless, state, 1e-6)
     assert min(seen) > 0.0
 
 
