@@ -144,10 +144,3 @@ def lagrange_basis(nodes: Array, at: Array) -> tuple[Array, Array]:
     values = chebyshev.chebvander(2 * at - 1, nodes.size - 1) @ to_coefficients
     slopes = chebyshev.chebder(to_coefficients, scl=2) if nodes.size > 1 else np.zeros((1, 1))
     return values, chebyshev.chebvander(2 * at - 1, max(nodes.size - 2, 0)) @ slopes
-
-
-@functools.cache
-def prolongation(coarse: int, fine: int) -> tuple[Array, Array]:
-    """Maps from one degree to another: of values at the nodes, and of values at the Gauss points."""
-    (nodes, gauss), (fine_nodes, fine_gauss) = points(coarse), points(fine)
-    return lagrange_basis(nodes, fine_nodes)[0], lagrange_basis(gauss, fine_gauss)[0]

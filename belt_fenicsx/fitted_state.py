@@ -10,7 +10,7 @@ import numpy as np
 
 from belt_fenicsx.condensed import local, width
 from belt_fenicsx.fields import Array, Fields, simpson_weights
-from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points, prolongation
+from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
@@ -30,6 +30,22 @@ class Dense(NamedTuple):
     kappa: Array
     p: Array
     f: Array
+
+
+@functools.cache
+def prolongation(coarse: int, fine: int) -> Array:
+    """Map of a cell's values from one degree to another ``(5 coarse + 6, 5 fine + 6)``."""
+    old, new = local(coarse), local(fine)
+    (nodes, gauss), (fine_nodes, fine_gauss) = points(coarse), points(fine)
+    nodal, traction = lagrange_basis(nodes, fine_nodes)[0].T, lagrange_basis(gauss, fine_gauss)[0].T
+    result = np.zeros((width(coarse), width(fine)))
+    for i in (0, 1):
+        result[np.ix_(old.r[:, i], new.r[:, i])] = nodal
+    result[np.ix_(old.theta, new.theta)] = nodal
+    for field in ("p", "f"):
+        result[np.ix_(getattr(old, field), getattr(new, field))] = traction
+    result[old.sigma, new.sigma] = result[old.D, new.D] = 1.0
+    return result
 
 
 @functools.cache
@@ -133,14 +149,7 @@ class State:
         """The same fields in elements of another degree; exactly the same where it is higher."""
         if degree == self.degree:
             return self
-        old, new = local(self.degree), local(degree)
-        nodal, gauss = prolongation(self.degree, degree)
-        values = np.empty((len(self.values), width(degree)))
-        values[:, new.r] = nodal @ self.values[:, old.r]
-        values[:, new.theta] = self.values[:, old.theta] @ nodal.T
-        values[:, new.p] = self.values[:, old.p] @ gauss.T
-        values[:, new.f] = self.values[:, old.f] @ gauss.T
-        values[:, new.sigma], values[:, new.D] = self.values[:, old.sigma], self.values[:, old.D]
+        values = self.values @ prolongation(self.degree, degree)
         return State(self.mesh, self.cells, degree, self.ends, self.chords, values)
 
     def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:

@@ -25,8 +25,8 @@ BEFORE, AFTER = 0, 1
 
 # Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
 # free spans are straight outside of their layers, contact is curved all along.
-FIRST_FREE, GROWTH_FREE = 0.5, 4.0
-FIRST_CONTACT, GROWTH_CONTACT = 1.5, 2.0
+FIRST_FREE, GROWTH_FREE = 0.4, 8.0
+FIRST_CONTACT, GROWTH_CONTACT = 1.2, 1.8
 FEWEST = 2  # cells of a zone
 
 
