@@ -94,10 +94,10 @@ def test_sliding_all_along_is_measured_where_it_is_slowest(stress, number):
     assert np.all(sliding > -1e-8)
 
 
-@pytest.mark.parametrize("number", [8, 129, 167, 168])
+@pytest.mark.parametrize(("seed", "number"), [(18, 8), (18, 129), (18, 167), (18, 168), (77, 232)])
 @pytest.mark.parametrize("drive", ["omega", "torque"])
-def test_a_drive_gives_the_same_state_back(stress, number, drive):
-    placed = fitted.solve(drawn(18)[number], rtol=1e-9)
+def test_a_drive_gives_the_same_state_back(stress, seed, number, drive):
+    placed = fitted.solve(drawn(seed)[number], rtol=1e-9)
     (wanted,) = placed.contacts
     solution = fitted.solve(driven(placed.scene, **{drive: getattr(wanted, drive)}), rtol=1e-9)
     (contact,) = solution.contacts
