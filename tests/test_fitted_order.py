@@ -54,10 +54,10 @@ def order(solution):
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(18, 151), (18, 179), (18, 256), (18, 129), (18, 216), (18, 314), (18, 145), (18, 322), (18, 379)]
+    [(18, 151), (18, 179), (18, 256), (18, 129), (18, 216), (18, 314), (2026, 76), (18, 145), (18, 322), (18, 379)]
     + [(18, 138), (18, 234), (4, 305), (77, 157), (18, 28), (18, 74)],
     ids=["short sliding at the run-up"] * 3
-    + ["and turning at the run-off", "stick holds nowhere", "and turning"]
+    + ["and turning at the run-off", "stick holds nowhere", "and turning"] + ["a short turn at the run-off"]
     + ["contact that grows by sliding", "tiny contact", "tiny contact"]
     + ["a clamp on the pulley"] * 4
     + ["a thin belt"] * 2,
