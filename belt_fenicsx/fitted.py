@@ -169,10 +169,11 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
     """
     last = degree or next(last for reach, last in LAST.items() if rtol >= reach)
     judged, change_before = False, 0.0
-    for k in range(LOWEST + 2, (degree or HIGHEST) + 1, 2):
+    lowest = min(state.degree + 2, degree or HIGHEST)
+    for k in range(lowest, (degree or HIGHEST) + 1, 2):
         start = state.of_degree(k)
         higher = run.newton(start, "the degree before", arrived=CLOSE)
-        if k > LOWEST + 2 and higher.length.min() < SHORT:
+        if k > lowest and higher.length.min() < SHORT:
             higher = run.newton(higher, "short cells, in which one step is not enough", arrived=CLOSE)
         p, p_start = (s.values[:, local(k).p] for s in (higher, start))
         change_of_p = float(np.abs(p - p_start).max() / p.max())
@@ -182,7 +183,7 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT
         estimate = max(left * change_of_known, rounding(higher))
         state, change_before = higher, change_of_p
-        early = k == LOWEST + 2 or (change_of_p <= COARSEST and not judged)
+        early = k == lowest or (change_of_p <= COARSEST and not judged)
         known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
         final = k >= last and (known or k == degree)
         if early or (final and k < (degree or HIGHEST)):

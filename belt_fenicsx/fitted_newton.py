@@ -102,7 +102,7 @@ class Iteration:
                 change = math.nan
             snes.setIterationNumber(iteration + 1)
             if not math.isfinite(change):
-                reason = reasons.DIVERGED_FNORM_NAN
+                reason = reasons.DIVERGED_LINEAR_SOLVE
                 break
             moved, shortening = self._moved(step, scalars[:-1])
             if logger.isEnabledFor(logging.INFO):

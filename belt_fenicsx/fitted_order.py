@@ -17,7 +17,7 @@ from belt_fenicsx.scene import RUN_OFF, Scene, Slip
 from belt_fenicsx.zones import FREE, STICK, Part, Zones, ordered
 
 FURTHEST = 0.8  # of a zone, that another one may take from it
-SHORTEST = 1e-3  # belt lengths, of a zone that is worth to be found
+SHORTEST = 1e-4  # belt lengths, of a zone that is worth to be found
 OTHER: dict[Slip | None, Slip] = {"forward": "backward", "backward": "forward"}
 
 

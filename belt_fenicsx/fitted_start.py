@@ -169,8 +169,15 @@ def _warm(run: Run, initial: Solution) -> State:
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
     units = initial.scene.dimensionless()[1].inverse()
     sigma = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
-    old = initial.state if isinstance(initial.state, State) else initial.fields.in_units(units)
-    state = run.on(ordered(run.scene, contact), sigma, old, "the given solution")
+    zones, why = ordered(run.scene, contact), "the given solution"
+    if isinstance(initial.state, State):
+        try:
+            state = run.on(zones, sigma, initial.state, why)
+        except Stopped:
+            # In short zones, the lowest degree knows friction too coarsely to place a border by it.
+            state = run.on(zones, sigma, initial.state, why, degree=initial.state.degree)
+    else:
+        state = run.on(zones, sigma, initial.fields.in_units(units), why)
     run.skipped("taut string", "a solution was given to start from")
     return state
 
@@ -256,16 +263,17 @@ def _sliding(run: Run) -> State:
 
 
 def meets(run: Run, state: State) -> bool:
-    """Whether a state meets the given speed or moment, even if it sticks, or slides, all along.
+    """Whether a state meets the given speed or moment, even if it has no transition that these could place.
 
     Raises:
         Stopped: Friction cannot transmit the moment.
     """
-    (part, *others), pulley = state.mesh.zones.parts[1:-1], run.scene.pulleys[0]
-    if others or pulley.drive == "x_trans" or pulley.friction == 0.0:
+    zones, pulley = state.mesh.zones, run.scene.pulleys[0]
+    placed = zones.transition > 0 and zones.parts[zones.transition + 1].touches
+    if placed or pulley.drive == "x_trans" or pulley.friction == 0.0:
         return True
     ahead = _ahead(run.scene, state)
-    if part == STICK or part.sense * ahead > 0.0:
+    if STICK in zones.parts or zones.parts[1].sense * ahead > 0.0:
         return abs(ahead) <= MET
     if pulley.drive == "omega":
         return True

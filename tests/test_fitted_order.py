@@ -54,10 +54,10 @@ def order(solution):
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(18, 151), (18, 179), (18, 256), (18, 129), (18, 216), (18, 314), (18, 145), (18, 322), (18, 379)]
+    [(18, 151), (18, 179), (18, 256), (18, 129), (18, 216), (18, 314), (2026, 76), (18, 145), (18, 322), (18, 379)]
     + [(18, 138), (18, 234), (4, 305), (77, 157), (18, 28), (18, 74)],
     ids=["short sliding at the run-up"] * 3
-    + ["and turning at the run-off", "stick holds nowhere", "and turning"]
+    + ["and turning at the run-off", "stick holds nowhere", "and turning"] + ["a short turn at the run-off"]
     + ["contact that grows by sliding", "tiny contact", "tiny contact"]
     + ["a clamp on the pulley"] * 4
     + ["a thin belt"] * 2,
@@ -94,10 +94,10 @@ def test_sliding_all_along_is_measured_where_it_is_slowest(stress, number):
     assert np.all(sliding > -1e-8)
 
 
-@pytest.mark.parametrize("number", [8, 129, 167, 168])
+@pytest.mark.parametrize(("seed", "number"), [(18, 8), (18, 129), (18, 167), (18, 168), (77, 232)])
 @pytest.mark.parametrize("drive", ["omega", "torque"])
-def test_a_drive_gives_the_same_state_back(stress, number, drive):
-    placed = fitted.solve(drawn(18)[number], rtol=1e-9)
+def test_a_drive_gives_the_same_state_back(stress, seed, number, drive):
+    placed = fitted.solve(drawn(seed)[number], rtol=1e-9)
     (wanted,) = placed.contacts
     solution = fitted.solve(driven(placed.scene, **{drive: getattr(wanted, drive)}), rtol=1e-9)
     (contact,) = solution.contacts
