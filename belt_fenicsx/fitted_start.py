@@ -29,6 +29,7 @@ from belt_fenicsx.taut_string import TautString, taut_string
 from belt_fenicsx.zones import STICK, Part, Zones, bending_layer, ordered, posed
 
 LOWEST = 4  # degree
+FINE = 8  # degree, with which a moment is said to be too large
 ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
 MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
@@ -277,6 +278,8 @@ def meets(run: Run, state: State) -> bool:
         return abs(ahead) <= MET
     if pulley.drive == "omega":
         return True
+    if state.degree < FINE:
+        return meets(run, run.newton(state.of_degree(FINE), "the moment that friction can transmit", arrived=MET))
     capacity = -pulley.radius * state.friction_force * run.units.of(length=1, force=1)
     raise Stopped(Status.CAPACITY_EXCEEDED, f"Sliding all along, the belt transmits {capacity:.6g} N m.")
 
