@@ -168,17 +168,17 @@ def _warm(run: Run, initial: Solution) -> State:
     if initial.fields is None or not _fits(run.scene, contact):
         run.skipped("warm start", "the given solution has other zones")
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
-    units = initial.scene.dimensionless()[1].inverse()
-    sigma = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
-    zones, why = ordered(run.scene, contact), "the given solution"
-    if isinstance(initial.state, State):
+    zones, old, why = ordered(run.scene, contact), initial.state, "the given solution"
+    if isinstance(old, State):
         try:
-            state = run.on(zones, sigma, initial.state, why)
+            state = run.on(zones, old.ends, old, why)
         except Stopped:
             # In short zones, the lowest degree knows friction too coarsely to place a border by it.
-            state = run.on(zones, sigma, initial.state, why, degree=initial.state.degree)
+            state = run.on(zones, old.ends, old, why, degree=old.degree)
     else:
-        state = run.on(zones, sigma, initial.fields.in_units(units), why)
+        units = initial.scene.dimensionless()[1].inverse()
+        ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
+        state = run.on(zones, ends, initial.fields.in_units(units), why)
     run.skipped("taut string", "a solution was given to start from")
     return state
 

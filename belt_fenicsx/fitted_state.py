@@ -115,6 +115,13 @@ class State:
         return np.vstack([both[:, 0], both[-1:, 1]])
 
     @property
+    def at_nodes(self) -> tuple[Array, Array, Array, Array]:
+        """r ``(n, k + 1, 2)`` and theta ``(n, k + 1)`` at the nodes, p and f at the Gauss points ``(n, k)``."""
+        at, values = local(self.degree), self.values
+        r = on_chords(self.chords, points(self.degree)[0]) + values[:, at.r]
+        return r, values[:, at.theta], values[:, at.p], values[:, at.f]
+
+    @property
     def friction_force(self) -> float:
         """Integral of the friction traction."""
         return float((self.values[:, local(self.degree).f] @ gauss_weights(self.degree)) @ self.length)
@@ -245,16 +252,18 @@ def from_fields(
     """
     D_stick = old.D_stick if isinstance(old, State) else float(old.D[0] - old.v_rel[0])
     state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
-    at, (nodes, gauss), sigma = local(degree), points(degree), state.sigma
-    values, parts, zone = state.values, zones.parts, state.mesh.zone
-    at_nodes, at_gauss = (sigma[:, :1] + np.diff(sigma) * inside for inside in (nodes, gauss))
-    r, theta, _, _ = _read(old, at_nodes)
-    _, _, p, f = _read(old, at_gauss)
-    sense = state.mesh.senses[:, None]
-    sticks = np.array([part == STICK for part in parts])[zone, None]
-    values[:, at.p] = state.mesh.touches[:, None] * p
-    values[:, at.f] = np.where(sticks, f, -sense * scene.pulleys[0].friction * p)
-    values[:, at.D] = D_stick
+    if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
+        state = old.of_degree(degree)
+        state = State(state.mesh, state.cells, degree, ends, state.chords.copy(), state.values.copy())
+        r, theta, p, f = state.at_nodes
+    else:
+        nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))
+        (r, theta, _, _), (_, _, p, f) = _read(old, nodes), _read(old, gauss)
+    at, mesh = local(degree), state.mesh
+    sticks = np.array([part == STICK for part in zones.parts])[mesh.zone, None]
+    state.values[:, at.p] = mesh.touches[:, None] * p
+    state.values[:, at.f] = np.where(sticks, f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
+    state.values[:, at.D] = D_stick
     return _placed(scene, state, r, theta)
 
 
