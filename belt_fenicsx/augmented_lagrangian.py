@@ -237,12 +237,16 @@ class _Run:
     def warm(self, fields: Fields) -> None:
         """Skips the first phase: state and multipliers from the fields of another solution."""
         self.stages.append(Stage(name="relaxed", why="skipped: there is an initial solution"))
-        sigma, index = np.unique(fields.sigma, return_index=True)
+        nodes, at = self.problem.nodes, self.problem.gauss_points()
+        first, last = np.searchsorted(fields.sigma, nodes[[0, -1]])
+        # What is around this rank's part of the belt; borders of zones have two points.
+        index = np.arange(max(0, first - 3), min(len(fields.sigma), last + 3))
+        sigma, single = np.unique(fields.sigma[index], return_index=True)
+        index = index[single]
         D, phi = fields.D[index], fields.phi[index]
-        values = np.column_stack([fields.r, fields.theta])[index]
+        values = np.column_stack([fields.r[index], fields.theta[index]])
         slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), fields.kappa[index]])
         spline = CubicHermiteSpline(sigma, values, slopes)
-        nodes, at = self.problem.nodes, self.problem.gauss_points()
         self._set_state(spline(nodes), spline(nodes, 1))
         self.multipliers = Multipliers(p=np.interp(at, fields.sigma, fields.p), f=np.interp(at, fields.sigma, fields.f))
         self.penalty = self.penalties.full

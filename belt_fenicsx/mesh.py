@@ -33,7 +33,7 @@ def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, np.ndarray]:
 
     DOLFINx numbers a mesh's cells level by level, from neighbour to neighbour, and looks at all cells for each level.
     A chain has as many levels as cells: a million took it 87 s. So cells that lead past some hundred others are added
-    for it, and nowhere used; then it takes 2 s.
+    for it, and nowhere used; then it takes 2 to 5 s.
 
     Returns:
         The mesh, and the numbers of this rank's unit cells, from left to right.
