@@ -49,8 +49,12 @@ class Zone:
     def in_units(self, units: Units) -> Zone:
         """The zone of a dimensionless scene in the given units."""
         length = units.length
-        sigma, x = (tuple(end * length for end in ends) for ends in (self.sigma, self.x))
-        return Zone(kind=self.kind, slip=self.slip, sigma=sigma, x=x)
+        return Zone(
+            kind=self.kind,
+            slip=self.slip,
+            sigma=(self.sigma[0] * length, self.sigma[1] * length),
+            x=(self.x[0] * length, self.x[1] * length),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
