@@ -59,8 +59,10 @@ def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance:
         One check for each condition that the zones call for.
     """
     pulley = scene.pulleys[0]
-    kinds = np.array([zone.kind for zone in zones])[fields.zone]
-    touching, sliding = kinds != "free", kinds == "slip"
+    touching, sticking, sliding = (
+        np.array([zone.kind in kinds for zone in zones])[fields.zone]
+        for kinds in (("stick", "slip"), ("stick",), ("slip",))
+    )
     p_max = np.max(fields.p, initial=0.0)
     gap = np.hypot(*(fields.r - np.asarray(pulley.center)).T) - pulley.radius
 
@@ -78,7 +80,7 @@ def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance:
     check("positive pressure in contact", fields.p / (p_max or math.nan), touching)
     if pulley.friction > 0.0:
         scale = pulley.friction * (p_max or math.nan)
-        check("Coulomb's bound in stick", (pulley.friction * fields.p - np.abs(fields.f)) / scale, kinds == "stick")
+        check("Coulomb's bound in stick", (pulley.friction * fields.p - np.abs(fields.f)) / scale, sticking)
         sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
         speed = scene.transport_rate * fields.D
         check("sense of sliding in slip", sense * fields.v_rel / speed, sliding)

@@ -18,6 +18,7 @@ from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Pulley, Scene
 
 LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
+TINY = 1e-300  # angle of a straight line, whose sine over itself is still one
 PIECES = np.linspace(0.0, 1.0, 33)  # of the arc behind the transition
 
 
@@ -88,7 +89,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     trans = _transition(pulley, up, off)
     turned = (trans - off) * PIECES
     phi_ends = np.concatenate([[start, up], trans - turned, [-end]])
-    lengths = np.diff(phi_ends) * -pulley.radius
+    lengths = (phi_ends[:-1] - phi_ends[1:]) * pulley.radius
     lengths[0], lengths[-1] = before, after
     slid = np.concatenate([[0.0, 0.0], (turned[1:] + turned[:-1]) / 2, turned[-1:]])
     growth = np.exp((-1.0 if pulley.slip == "backward" else 1.0) * pulley.friction * slid)
@@ -120,7 +121,8 @@ def _span(pulley: Pulley, across: float, angle: float) -> tuple[float, float]:
     """Angle at the clamp and length of the arc from there to the pulley, where it has the angle of its tangent."""
     x, y = across - pulley.radius * math.sin(angle), pulley.center[1] + pulley.radius * math.cos(angle)
     start = 2.0 * math.atan2(y, x) - angle
-    return start, math.hypot(x, y) / float(np.sinc((angle - start) / (2 * np.pi)))
+    half = (angle - start) / 2 + TINY
+    return start, math.hypot(x, y) * half / math.sin(half)
 
 
 def _transition(pulley: Pulley, up: float, off: float) -> float:
@@ -148,7 +150,8 @@ def _strain(lengths: Array, growth: Array, length: float) -> float:
 
 def _chord(length: Array, start: Array, end: Array) -> Array:
     """Ways from end to end of arcs, from their lengths and their tangents' angles, in the complex plane ``(m,)``."""
-    return length * np.sinc((end - start) / (2 * np.pi)) * np.exp(0.5j * (start + end))
+    half = (end - start) / 2 + TINY
+    return length * (np.sin(half) / half) * np.exp(0.5j * (start + end))
 
 
 def _vectors(places: Array) -> Array:
