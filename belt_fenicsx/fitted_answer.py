@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -11,6 +12,7 @@ from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_state import POINTS, State, norm, tables
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Contact, Zone
+from belt_fenicsx.zones import once
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
@@ -66,27 +68,26 @@ def fields(scene: Scene, state: State) -> Fields:
     weight = state.length[:, None] * tables(state.degree)[3]
     inner = ~mesh.begins[1:]
     weight[:-1, -1][inner] += weight[1:, 0][inner]
-    # Where two cells of a zone meet, the point of the first one counts.
-    once = np.ones(weight.shape, dtype=bool)
-    once[:, 0] = mesh.begins
-    sigma, r, dr, D, theta, kappa, p, f = (field[once] for field in dense)
+    points, zone = once(mesh, POINTS)
+    sigma, D, theta, kappa, p, f, weight = (
+        field.ravel()[points] for field in (dense.sigma, dense.D, dense.theta, dense.kappa, dense.p, dense.f, weight)
+    )
+    r, dr = (field.reshape(-1, 2)[points] for field in (dense.r, dense.dr))
     return Fields.from_state(
-        scene.belt, zone=np.repeat(mesh.zone, POINTS)[once.ravel()], weight=weight[once], sigma=sigma, r=r, theta=theta,
-        phi=np.arctan2(dr[:, 1], dr[:, 0]), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        scene.belt, zone=zone, weight=weight, sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]), D=D,
+        kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
     """Contact, zones and fields of a state, as arguments of a solution."""
-    mesh, pulley, ends = state.mesh, scene.pulleys[0], state.ends
-    r = state.ends_r
+    mesh, pulley, r = state.mesh, scene.pulleys[0], state.ends_r
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
-    x = border[:, 0]
+    sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border[:, 0]))
     zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, sigma=(float(a), float(b)), x=(float(xa), float(xb)))
-        for part, a, b, xa, xb in zip(mesh.zones.parts, ends[:-1], ends[1:], x[:-1], x[1:], strict=True)
+        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
     )
-    up, off = border[[1, -2]] - pulley.center
+    up, off = (border[[1, -2]] - pulley.center).tolist()
     contact = Contact(
         omega=pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],

@@ -16,7 +16,7 @@ from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
 from belt_fenicsx.fitted_state import State
-from belt_fenicsx.petsc_options import set_options
+from belt_fenicsx.petsc_options import PREFIX, set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
 
@@ -24,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 MOST_ITERATIONS = 30
+STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
 SETTLED = 0.1  # of the same, that the last step may take
 
 
@@ -62,7 +63,7 @@ class Iteration:
         self._contact = slice(mesh.ends[0], mesh.ends[-1])
         self._weights = np.empty((n, 2, 2))
 
-    def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False) -> None:
+    def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
         """Sets the parameters of a scene, the state to start from, and when to end.
 
         Args:
@@ -71,6 +72,7 @@ class Iteration:
             arrived: Largest step of a border, in lengths of the shortest cell, or of the stretch in stick, at which the
                 iteration ends.
             held: Whether the first step holds the borders, so that all others know the forces that move them.
+            monitored: Whether the norm of the residual is asked for.
         """
         belt, pulley = scene.belt, scene.pulleys[0]
         given = {
@@ -82,7 +84,7 @@ class Iteration:
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
         self._center, self._radius = complex(*pulley.center), pulley.radius
-        self._arrived, self._held = arrived, held
+        self._arrived, self._held, self._monitored = arrived, held, monitored
         self.values[:], self.chords[:], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
@@ -90,10 +92,12 @@ class Iteration:
         """The iteration; called by SNES."""
         reasons = PETSc.SNES.ConvergedReason
         reason, held = reasons.DIVERGED_MAX_IT, self._held
+        watched = self._monitored or logger.isEnabledFor(logging.INFO)
         for iteration in range(snes.max_it):
             self.residuals()
-            residual = self.condensed.residual_norm()
-            snes.monitor(iteration, residual)
+            if watched:
+                residual = self.condensed.residual_norm()
+                snes.monitor(iteration, residual)
             self.jacobians()
             try:
                 step, scalars = self.condensed.step(self._weights, held=held)
@@ -105,7 +109,7 @@ class Iteration:
                 reason = reasons.DIVERGED_LINEAR_SOLVE
                 break
             moved, shortening = self._moved(step, scalars[:-1])
-            if logger.isEnabledFor(logging.INFO):
+            if watched:
                 borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
                 logger.info(
                     "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
@@ -113,7 +117,8 @@ class Iteration:
             if change <= self._arrived * self.values[:, self._length].min() and shortening <= SETTLED and not held:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
-            self._onto_pulley(moved)
+            if shortening > STRAIGHT:
+                self._onto_pulley(moved)
             held = False
         snes.setConvergedReason(reason)
 
@@ -184,6 +189,8 @@ class Newton:
         self.snes.setFunction(lambda *_: None, self._b)
         self.snes.setTolerances(max_it=MOST_ITERATIONS)
         set_options(self.snes, {}, options)
+        asked = {*PETSc.Options(PREFIX).getAll(), *options}
+        self._monitored = any(name.startswith("snes_monitor") for name in asked)
         # PETSc itself ends after Python, when the iteration, which is in Python, is gone.
         atexit.register(self.snes.destroy)
 
@@ -194,7 +201,7 @@ class Newton:
             The new state, and the number of iterations; negative where they did not converge.
         """
         iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
-        iteration.load(scene, start, arrived, held=held)
+        iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
         self.snes.setPythonContext(iteration)
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()

@@ -58,7 +58,11 @@ def shown(value: object) -> str:
 def number(name: str, value: object, unit: str) -> float:
     """Checks that ``value`` is a finite real number and returns it as a float."""
     try:
-        result = math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+        # The first question is the quicker one, and mostly enough.
+        if isinstance(value, float):
+            result = float(value)
+        else:
+            result = math.nan if isinstance(value, bool) or not isinstance(value, Real) else float(value)
     except OverflowError:
         result = math.inf
     if not math.isfinite(result):

@@ -148,6 +148,18 @@ class Mesh:
 
 
 @functools.lru_cache(maxsize=64)
+def once(mesh: Mesh, count: int) -> tuple[Array, Array]:
+    """``count`` points in each cell, but those that two cells of a zone share only for the first of them.
+
+    Returns:
+        Which of all points they are, cell by cell, and their zones.
+    """
+    counted = np.ones((mesh.zone.size, count), dtype=bool)
+    counted[:, 0] = mesh.begins
+    return np.flatnonzero(counted), np.repeat(mesh.zone, count)[counted.ravel()]
+
+
+@functools.lru_cache(maxsize=64)
 def meshed(zones: Zones, counts: tuple[int, ...]) -> Mesh:
     """Zones divided into so many cells; made once in a process, with what follows from it."""
     return Mesh(zones, counts)
