@@ -29,7 +29,7 @@ from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
 from belt_fenicsx.fitted_limits import check_limits, near_by
 from belt_fenicsx.fitted_newton import newton
-from belt_fenicsx.fitted_order import change
+from belt_fenicsx.fitted_order import calm, change
 from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, Stopped, meets, starts
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene, SceneError
@@ -184,6 +184,8 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         estimate = max(left * change_of_known, rounding(higher))
         state, change_before = higher, change_of_p
         early = k == lowest or (change_of_p <= COARSEST and not judged)
+        if early and k < last:
+            early = not calm(run.scene, higher)
         known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
         final = k >= last and (known or k == degree)
         if early or (final and k < (degree or HIGHEST)):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_answer import along
 from belt_fenicsx.fitted_state import POINTS, State
@@ -34,6 +35,12 @@ class Change:
     why: str
     zones: Zones
     ends: Array
+
+
+def calm(scene: Scene, state: State) -> bool:
+    """Whether friction holds at all Gauss points of stick, so that a coarse state calls for no other zones."""
+    at, values = local(state.degree), state.values[state.mesh.sticks]
+    return not np.any(np.abs(values[:, at.f]) > scene.pulleys[0].friction * values[:, at.p])
 
 
 def change(scene: Scene, state: State, error: float) -> Change | None:

@@ -13,7 +13,7 @@ from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import TautString
-from belt_fenicsx.zones import STICK, Mesh, Zones, bending_layer, divided, shear_layer
+from belt_fenicsx.zones import Mesh, Zones, bending_layer, divided, shear_layer
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
 EVEN = np.linspace(0.0, 1.0, POINTS)
@@ -260,9 +260,8 @@ def from_fields(
         nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))
         (r, theta, _, _), (_, _, p, f) = _read(old, nodes), _read(old, gauss)
     at, mesh = local(degree), state.mesh
-    sticks = np.array([part == STICK for part in zones.parts])[mesh.zone, None]
     state.values[:, at.p] = mesh.touches[:, None] * p
-    state.values[:, at.f] = np.where(sticks, f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
+    state.values[:, at.f] = np.where(mesh.sticks[:, None], f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
     state.values[:, at.D] = D_stick
     return _placed(scene, state, r, theta)
 

@@ -130,6 +130,11 @@ class Mesh:
         return np.array([part.touches for part in self.zones.parts])[self.zone]
 
     @functools.cached_property
+    def sticks(self) -> Array:
+        """Whether the belt sticks in each cell ``(n,)``."""
+        return np.array([part == STICK for part in self.zones.parts])[self.zone]
+
+    @functools.cached_property
     def senses(self) -> Array:
         """Sense of sliding of each cell ``(n,)``."""
         return np.array([part.sense for part in self.zones.parts])[self.zone]

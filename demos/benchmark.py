@@ -29,7 +29,7 @@ import numpy as np
 import scipy
 from readme import write_into_readme
 
-from belt_fenicsx import Scene, bvp, solve
+from belt_fenicsx import Scene, bvp, solve, sweep
 from belt_fenicsx.fitted import solve as solve_fitted
 from belt_fenicsx.fitted_newton import iteration_on, newton
 from belt_fenicsx.plot import NAMES, STYLES
@@ -164,7 +164,7 @@ def slope(rows: list[Sized], method: str, least: int) -> float:
 # ## What a process pays before its first solve
 #
 # Each in a process of its own: loading DOLFINx alone, loading this package, and one scene from the command line; with
-# an empty cache of compiled forms, and with a full one.
+# an empty cache of compiled forms, and with a full one. And a sweep in a process that has done one before.
 
 
 # %%
@@ -173,6 +173,17 @@ def wall(command: list[str], environment: dict[str, str]) -> float:
     began = time.perf_counter()
     subprocess.run(command, env=environment, check=True, capture_output=True)
     return time.perf_counter() - began
+
+
+def one_sweep(repeats: int) -> float:
+    """Median wall time of a sweep over 41 transitions, each started from the one before [s]."""
+    seconds = []
+    for _ in range(repeats + 1):
+        began = time.perf_counter()
+        table = sweep(scene, over="pulleys.0.x_trans", values=np.linspace(-0.2, 0.2, 41), rtol=1e-8)
+        seconds.append(time.perf_counter() - began)
+        assert table.success
+    return median(seconds[1:])
 
 
 def start_up(repeats: int) -> list[tuple[str, float]]:
@@ -191,7 +202,11 @@ def start_up(repeats: int) -> list[tuple[str, float]]:
         for name, command in commands.items():
             wall(command, environment)
             rows.append((name, median(wall(command, environment) for _ in range(repeats))))
-    return [*rows, ("`belt-fenicsx`, first run ever (forms are compiled)", cold)]
+    rows.append(("`belt-fenicsx`, first run ever (forms are compiled)", cold))
+    return [
+        *rows,
+        ("a sweep of 41 transitions in a process that is warm, fitted zones, rtol 1e-08", one_sweep(repeats)),
+    ]
 
 
 # %% [markdown]
