@@ -51,7 +51,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(error, FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted.", INTERRUPTED)
-    except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
+    except Exception as error:
+        from belt_fenicsx.solution import NotCompiled
+
+        if isinstance(error, NotCompiled):
+            return _complain(error, FAILED)
+        # Whatever it is, the other ranks would wait for this one; it is raised again.
         _abort_other_ranks()
         raise
 

@@ -456,3 +456,12 @@ def test_check_prints_both_certificates(capsys):
     out = capsys.readouterr().out
     assert out.count("Coulomb's bound in stick") == 2
     assert "relative difference of omega 0.0e+00" in out
+
+
+@serial
+def test_forms_that_cannot_be_compiled_are_a_complaint(tmp_path):
+    pytest.importorskip("dolfinx")
+    (tmp_path / "file").touch()
+    result = command(stdout=subprocess.PIPE, env={**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file")})
+    assert result.returncode == 1 and result.stdout == ""
+    assert "could not be compiled" in result.stderr and "Traceback" not in result.stderr
