@@ -58,6 +58,11 @@ class Discrete:
         mesh = graded(self.width, intervals)
         return replace(self, mesh=mesh, y=self.between(mesh))
 
+    def finer(self, pieces: int) -> Array:
+        """Places in [0, 1], the nodes among them, that divide each interval of the mesh ``(pieces m + 1,)``."""
+        m = self.mesh.size - 1
+        return np.interp(np.arange(pieces * m + 1) / pieces, np.arange(m + 1), self.mesh)
+
 
 def graded(width: float, intervals: int) -> Array:
     """Nodes in [0, 1], their density about 1 / (distance to the nearer end + width) ``(intervals + 1,)``."""

@@ -1,22 +1,26 @@
 """Answers on the coarse mesh for a given speed or torque, between sliding all along and sticking all along.
 
 1. A torque: the taut string knows forces well, and so about where stick ends.
-2. A speed: the taut string knows it only as a difference from that in pure stick, which is solved first; its solution,
-   with a part of the stick zone turned into sliding, is the first guess.
+2. A speed, or a torque for which the string does not suffice: pure stick is solved first. What its pressure lets
+   friction add to the belt's tension tells where stick ends; with sliding behind it, it is the first guess.
 3. Where Newton's iteration finds no answer from there, the transition is placed instead: between where it is in pure
    stick and in pure slip, moving until the speed or the torque is the given one.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
 from belt_fenicsx.bvp_collocation import newton
 from belt_fenicsx.bvp_guess import divided, guess
-from belt_fenicsx.bvp_order import STICK, Order, pose, revision
+from belt_fenicsx.bvp_order import FINER, STICK, Order, pose, revision
 from belt_fenicsx.certificate import SENSE
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
 from belt_fenicsx.scene import Slip as Sense
 from belt_fenicsx.solution import Status
@@ -24,6 +28,7 @@ from belt_fenicsx.taut_string import taut_string
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
+LEAST = 1e-3  # part of the stick zone, at least, that sticks or slides in the first guess
 MOST_PLACES = 12  # of the transition that are tried one after another
 
 
@@ -33,21 +38,83 @@ def driven(run: Run) -> State:
     Raises:
         Stopped: There is none, or the torque is beyond what friction can transmit.
     """
-    if run.scene.pulleys[0].drive == "torque" and (state := _tried(run, None)):
+    if run.scene.pulleys[0].drive == "torque" and (state := _from_string(run)):
         return state
     stick = limit(run, RUN_OFF, "forward")
-    return _tried(run, stick) or _searched(run, stick)
+    return _from_stick(run, stick) or _searched(run, stick)
 
 
-def _tried(run: Run, stick: State | None) -> State | None:
-    """An answer from the taut string or from pure stick, of the likelier order first."""
-    sense, part = _estimate(run, stick)
-    tries = [(STICK, int(SENSE[sense])), (int(SENSE[sense]),)]
-    for senses in tries if part < 1.0 else reversed(tries):
-        state = _first(run, stick, senses, sense, min(max(part, 1.0 - NEARLY), NEARLY))
-        if state.plausible and answers(run, state := ordered(run, state)):
-            run.skipped("search", "the first guess sufficed")
-            return state
+def _from_string(run: Run) -> State | None:
+    """An answer for a given torque from the taut string, if it sticks somewhere."""
+    pulley = run.scene.pulleys[0]
+    sense: Sense = "forward" if pulley.torque >= 0.0 else "backward"
+    stick, slip = (taut_string(driven_by(run.scene, x_trans, sense)) for x_trans in (RUN_OFF, RUN_UP))
+    part = pulley.torque / pulley.radius / (slip.strain[1] - slip.strain[0])
+    if part >= 1.0:
+        return None
+    order = Order((STICK, int(SENSE[sense])))
+    problem = pose(run.scene, order)
+    x_trans = float(stick.x[2] + part * (stick.x[0] - stick.x[2]))
+    start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
+    return _tried(run, State(order, problem, start), "taut string")
+
+
+def _from_stick(run: Run, stick: State) -> State | None:
+    """An answer from pure stick, if a part of its stick zone is to slide."""
+    if STICK not in stick.order.senses:
+        return None
+    sense, i = _sense(run, stick), stick.order.senses.index(STICK)
+    borders = stick.problem.borders(stick.discrete.p)[1:-1]
+    end = _end_of_stick(run, stick, i, sense)
+    if end <= borders[i]:
+        return None
+    least = LEAST * (borders[i + 1] - borders[i])
+    end = min(max(end, borders[i] + least), borders[i + 1] - least)
+    order = Order((*stick.order.senses[:i], STICK, sense))
+    problem = pose(run.scene, order)
+    start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], end, borders[-1]]))
+    return _tried(run, State(order, problem, start), "pure stick")
+
+
+def _end_of_stick(run: Run, stick: State, i: int, sense: int) -> float:
+    """Where the stick zone ``i`` of pure stick about ends under the given drive; its begin if everything slides.
+
+    Sliding adds the difference of its friction and that of stick to the tension. The pressure grows with the tension,
+    and the stretch before the transition gives way, since the belt's length does not change.
+    """
+    problem, discrete = stick.problem, stick.discrete
+    fine = discrete.finer(FINER)
+    borders, parts = problem.borders(discrete.p), problem.parts(discrete.between(fine), discrete.p)
+    zones = range(i + 1, len(parts) - 1)
+    sigma = np.concatenate([borders[j] + (borders[j + 1] - borders[j]) * fine for j in zones])
+    tractions = [zone.tractions(problem.rod, y, c) for zone, y, c in parts[i + 1 : -1]]
+    pressure, friction = np.concatenate(tractions, axis=1)
+    slip, strain = sense * run.scene.pulleys[0].friction * pressure, grip(problem, discrete)[0] - 1.0
+    growth = np.exp(_integral(slip / strain, sigma))
+    added = _integral((slip + friction) * growth, sigma)
+    whole = _integral(added, sigma)
+    # All of these are for a transition at each of the nodes.
+    behind = (added[-1] - added) / growth
+    mean = (whole[-1] - whole - added * (sigma[-1] - sigma)) / growth + (0.5 - sigma[-1]) * behind
+    change = -mean if run.scene.pulleys[0].drive == "omega" else behind
+    share = change / (1.0 + mean / strain) / _ahead(run, stick)
+    stuck = slice(0, fine.size)
+    return float(np.interp(-1.0, -share[stuck], sigma[stuck]))
+
+
+def _integral(values: Array, sigma: Array) -> Array:
+    """Integral from the first node to each of them."""
+    return cumulative_trapezoid(values, sigma, initial=0.0)
+
+
+def _tried(run: Run, start: State, name: str) -> State | None:
+    """An answer from a first guess; None where there is none."""
+    coarse = newton(start.problem, start.discrete)
+    state = replace(start, discrete=coarse)
+    run.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
+    if state.plausible and answers(run, state := ordered(run, state)):
+        run.skipped("search", "the first guess sufficed")
+        return state
     return None
 
 
@@ -86,43 +153,14 @@ def _ahead(run: Run, state: State) -> float:
     return (pulley.torque - torque(state.problem, state.discrete)) / pulley.radius
 
 
-def _estimate(run: Run, stick: State | None) -> tuple[Sense, float]:
-    """Sense of sliding, and about which part of the contact slides."""
-    pulley = run.scene.pulleys[0]
-    by_speed = pulley.drive == "omega"
-    ahead = pulley.torque / pulley.radius if stick is None else _ahead(run, stick)
-    sense: Sense = "forward" if (ahead < 0.0) == by_speed else "backward"
-    stuck, slide = (taut_string(driven_by(run.scene, x_trans, sense)).strain for x_trans in (RUN_OFF, RUN_UP))
-    return sense, ahead / (slide[0] - stuck[0] if by_speed else slide[1] - slide[0])
-
-
-def _first(run: Run, stick: State | None, senses: tuple[int, ...], sense: Sense, part: float) -> State:
-    """A first solution with a given order, from pure stick where there is some, and from the taut string."""
-    if len(senses) > 1 and stick is not None and STICK in stick.order.senses:
-        i = stick.order.senses.index(STICK)
-        order = Order((*stick.order.senses[:i], *senses))
-        borders = stick.problem.borders(stick.discrete.p)[1:-1]
-        end = borders[i] + (1.0 - part) * (borders[i + 1] - borders[i])
-        problem = pose(run.scene, order)
-        start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], end, borders[-1]]))
-        name = "pure stick"
-    else:
-        string = taut_string(driven_by(run.scene, RUN_OFF, sense))
-        x_trans = RUN_UP if len(senses) == 1 else float(string.x[2] + part * (string.x[0] - string.x[2]))
-        order = Order(senses)
-        problem = pose(run.scene, order)
-        start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
-        name = "taut string"
-    coarse = newton(problem, start)
-    run.ran(name, f"no plausible solution yet; now {order}", coarse.iterations)
-    return State(order, problem, coarse)
+def _sense(run: Run, stick: State) -> int:
+    """Sense of the sliding that a drive asks for, from pure stick."""
+    return 1 if (_ahead(run, stick) < 0.0) == (run.scene.pulleys[0].drive == "omega") else -1
 
 
 def _searched(run: Run, stick: State) -> State:
     """An answer from solutions whose transition is placed, between pure stick and pure slip."""
-    pulley = run.scene.pulleys[0]
-    by_speed = pulley.drive == "omega"
-    sense: Sense = "forward" if (_ahead(run, stick) < 0.0) == by_speed else "backward"
+    sense: Sense = "forward" if _sense(run, stick) > 0 else "backward"
     slip = limit(run, RUN_UP, sense)
     if _meets(run, slip):
         return slip
@@ -135,10 +173,7 @@ def _searched(run: Run, stick: State) -> State:
         start = divided(
             slip.problem, slip.discrete, problem, np.array([first, (1.0 - NEARLY) * first + NEARLY * last, last])
         )
-        coarse = newton(problem, start)
-        run.ran("pure slip", f"now {order}", coarse.iterations)
-        state = State(order, problem, coarse)
-        if state.plausible and answers(run, state := ordered(run, state)):
+        if state := _tried(run, State(order, problem, start), "pure slip"):
             return state
     for _ in range(MOST_PLACES):
         (x, ahead), (x_other, ahead_other) = ends
@@ -149,10 +184,8 @@ def _searched(run: Run, stick: State) -> State:
         except (Stopped, SceneError):
             break
         problem = pose(run.scene, near.order)
-        coarse = newton(problem, near.discrete)
-        run.ran("search", f"with the transition at {place:.6g} at first", search.iterations + coarse.iterations)
-        state = State(near.order, problem, coarse)
-        if state.plausible and answers(run, state := ordered(run, state)):
+        run.ran("search", f"with the transition at {place:.6g} at first", search.iterations)
+        if state := _tried(run, replace(near, problem=problem), "search"):
             return state
         ends[int(_ahead(run, near) * ahead < 0.0)] = [place, _ahead(run, near)]
     raise Stopped(Status.NEWTON_DIVERGED, "No place of the transition was found for the drive.")
