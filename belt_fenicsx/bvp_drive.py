@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
 from belt_fenicsx.bvp_collocation import newton
 from belt_fenicsx.bvp_guess import divided, guess
-from belt_fenicsx.bvp_order import FINER, STICK, Order, pose, revision
+from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
@@ -27,6 +28,8 @@ from belt_fenicsx.solution import Status
 from belt_fenicsx.taut_string import taut_string
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
+SLIGHT = 1e-9  # how closely pure slip has to meet a given torque, in units of b1 R
+DOUBTFUL = 1e-2  # of the capacity, by which a torque exceeds it at most where a finer mesh might say otherwise
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 LEAST = 1e-3  # part of the stick zone, at least, that sticks or slides in the first guess
 MOST_PLACES = 12  # of the transition that are tried one after another
@@ -97,9 +100,10 @@ def _end_of_stick(run: Run, stick: State, i: int, sense: int) -> float:
     behind = (added[-1] - added) / growth
     mean = (whole[-1] - whole - added * (sigma[-1] - sigma)) / growth + (0.5 - sigma[-1]) * behind
     change = -mean if run.scene.pulleys[0].drive == "omega" else behind
-    share = change / (1.0 + mean / strain) / _ahead(run, stick)
+    ahead = _ahead(run, stick)
+    change *= math.copysign(1.0, ahead) / (1.0 + mean / strain)
     stuck = slice(0, fine.size)
-    return float(np.interp(-1.0, -share[stuck], sigma[stuck]))
+    return float(np.interp(-abs(ahead), -change[stuck], sigma[stuck]))
 
 
 def _integral(values: Array, sigma: Array) -> Array:
@@ -124,13 +128,17 @@ def answers(run: Run, state: State) -> bool:
     Raises:
         Stopped: The torque is beyond what sliding all along transmits.
     """
-    if not state.plausible or not _meets(run, state):
+    if not state.plausible or not meets(run, state):
         return False
     return not (run.find_zones and revision(state.problem, state.order, state.discrete, run.scene.pulleys[0]))
 
 
-def _meets(run: Run, state: State) -> bool:
-    """Whether a state meets the drive, even if its order has no transition that the drive could place."""
+def meets(run: Run, state: State) -> bool:
+    """Whether a state meets the drive, even if its order has no transition that the drive could place.
+
+    Raises:
+        Stopped: The torque is beyond what sliding all along transmits.
+    """
     pulley, sense = run.scene.pulleys[0], state.order.senses[0]
     if pulley.drive == "x_trans" or pulley.friction == 0.0 or state.order.transition is not None:
         return True
@@ -139,10 +147,14 @@ def _meets(run: Run, state: State) -> bool:
         return abs(ahead) <= MET
     if pulley.drive == "omega":
         return sense * ahead <= 0.0
-    if sense * ahead < 0.0:
-        return False
-    capacity = torque(state.problem, state.discrete) * run.units.of(length=1, force=1)
-    raise Stopped(Status.CAPACITY_EXCEEDED, f"Sliding all along, the belt transmits {capacity:.6g} N m.")
+    if sense * ahead <= SLIGHT:
+        return sense * ahead >= -SLIGHT
+    capacity = torque(state.problem, state.discrete)
+    raise Stopped(
+        Status.CAPACITY_EXCEEDED,
+        f"Sliding all along, the belt transmits {capacity * run.units.of(length=1, force=1):.6g} N m.",
+        final=abs(pulley.torque / capacity - 1.0) > DOUBTFUL,
+    )
 
 
 def _ahead(run: Run, state: State) -> float:
@@ -162,7 +174,7 @@ def _searched(run: Run, stick: State) -> State:
     """An answer from solutions whose transition is placed, between pure stick and pure slip."""
     sense: Sense = "forward" if _sense(run, stick) > 0 else "backward"
     slip = limit(run, RUN_UP, sense)
-    if _meets(run, slip):
+    if meets(run, slip):
         return slip
     ends = [[grip(stick.problem, stick.discrete)[1], _ahead(run, stick)], [earliest(slip), _ahead(run, slip)]]
     if ends[1][0] != grip(slip.problem, slip.discrete)[1]:
@@ -177,6 +189,8 @@ def _searched(run: Run, stick: State) -> State:
             return state
     for _ in range(MOST_PLACES):
         (x, ahead), (x_other, ahead_other) = ends
+        if abs(x_other - x) <= NOTHING:
+            break
         place = x + float(np.clip(ahead / (ahead - ahead_other), 0.05, 0.95)) * (x_other - x)
         search = Run(driven_by(run.scene, place, sense), run.units, run.find_zones, run.intervals)
         try:
