@@ -28,9 +28,9 @@ from belt_fenicsx.solution import Status
 from belt_fenicsx.taut_string import taut_string
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
-SLIGHT = 1e-9  # how closely pure slip has to meet a given torque, in units of b1 R
+SLIGHT = 1e-9  # how closely pure slip has to, in the same units
 DOUBTFUL = 1e-2  # of the capacity, by which a torque exceeds it at most where a finer mesh might say otherwise
-NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
+NEARLY = 0.95  # of the contact slides before sliding turns next to the run-off, in the first guess
 LEAST = 1e-3  # part of the stick zone, at least, that sticks or slides in the first guess
 MOST_PLACES = 12  # of the transition that are tried one after another
 
@@ -146,7 +146,7 @@ def meets(run: Run, state: State) -> bool:
     if sense == STICK:
         return abs(ahead) <= MET
     if pulley.drive == "omega":
-        return sense * ahead <= 0.0
+        return sense * ahead <= SLIGHT
     if sense * ahead <= SLIGHT:
         return sense * ahead >= -SLIGHT
     capacity = torque(state.problem, state.discrete)
@@ -177,16 +177,8 @@ def _searched(run: Run, stick: State) -> State:
     if meets(run, slip):
         return slip
     ends = [[grip(stick.problem, stick.discrete)[1], _ahead(run, stick)], [earliest(slip), _ahead(run, slip)]]
-    if ends[1][0] != grip(slip.problem, slip.discrete)[1]:
-        # Next to pure slip, sliding turns next to the run-off and nowhere else.
-        first, last = slip.problem.borders(slip.discrete.p)[1:-1]
-        order = Order((int(SENSE[sense]), -int(SENSE[sense])))
-        problem = pose(run.scene, order)
-        start = divided(
-            slip.problem, slip.discrete, problem, np.array([first, (1.0 - NEARLY) * first + NEARLY * last, last])
-        )
-        if state := _tried(run, State(order, problem, start), "pure slip"):
-            return state
+    if ends[1][0] != grip(slip.problem, slip.discrete)[1] and (state := _turned(run, slip)):
+        return state
     for _ in range(MOST_PLACES):
         (x, ahead), (x_other, ahead_other) = ends
         if abs(x_other - x) <= NOTHING:
@@ -203,3 +195,16 @@ def _searched(run: Run, stick: State) -> State:
             return state
         ends[int(_ahead(run, near) * ahead < 0.0)] = [place, _ahead(run, near)]
     raise Stopped(Status.NEWTON_DIVERGED, "No place of the transition was found for the drive.")
+
+
+def _turned(run: Run, slip: State) -> State | None:
+    """An answer next to pure slip, if sliding turns next to the run-off there and nowhere else."""
+    if run.scene.pulleys[0].drive == "omega":
+        state = ordered(run, slip)
+        return state if answers(run, state) else None
+    (sense,), (first, last) = slip.order.senses, slip.problem.borders(slip.discrete.p)[1:-1]
+    order = Order((sense, -sense))
+    problem = pose(run.scene, order)
+    borders = np.array([first, (1.0 - NEARLY) * first + NEARLY * last, last])
+    start = divided(slip.problem, slip.discrete, problem, borders)
+    return _tried(run, State(order, problem, start), "pure slip")
