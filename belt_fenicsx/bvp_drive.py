@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
-from belt_fenicsx.bvp_collocation import newton
+from belt_fenicsx.bvp_collocation import ROUNDS, newton
 from belt_fenicsx.bvp_guess import divided, guess
 from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
+from belt_fenicsx.bvp_zones import Stick
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
@@ -59,7 +61,7 @@ def _from_string(run: Run) -> State | None:
     problem = pose(run.scene, order)
     x_trans = float(stick.x[2] + part * (stick.x[0] - stick.x[2]))
     start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
-    return _tried(run, State(order, problem, start), "taut string")
+    return _tried(run, State(order, problem, start), "taut string", rounds=1)
 
 
 def _from_stick(run: Run, stick: State) -> State | None:
@@ -68,42 +70,48 @@ def _from_stick(run: Run, stick: State) -> State | None:
         return None
     sense, i = _sense(run, stick), stick.order.senses.index(STICK)
     borders = stick.problem.borders(stick.discrete.p)[1:-1]
-    end = _end_of_stick(run, stick, i, sense)
-    if end <= borders[i]:
+    ends = _ends(run, stick, i, sense)
+    if ends[0] <= borders[i]:
         return None
-    least = LEAST * (borders[i + 1] - borders[i])
-    end = min(max(end, borders[i] + least), borders[i + 1] - least)
-    order = Order((*stick.order.senses[:i], STICK, sense))
+    order = Order((*stick.order.senses[:i], STICK, sense, -sense)[: i + 1 + len(ends)])
     problem = pose(run.scene, order)
-    start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], end, borders[-1]]))
+    start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], *ends, borders[-1]]))
     return _tried(run, State(order, problem, start), "pure stick")
 
 
-def _end_of_stick(run: Run, stick: State, i: int, sense: int) -> float:
-    """Where the stick zone ``i`` of pure stick about ends under the given drive; its begin if everything slides.
+def _ends(run: Run, stick: State, i: int, sense: int) -> list[float]:
+    """Where the stick zone ``i`` of pure stick about ends under the given drive, and where sliding turns if it does.
 
     Sliding adds the difference of its friction and that of stick to the tension. The pressure grows with the tension,
     and the stretch before the transition gives way, since the belt's length does not change.
     """
     problem, discrete = stick.problem, stick.discrete
     fine = discrete.finer(FINER)
-    borders, parts = problem.borders(discrete.p), problem.parts(discrete.between(fine), discrete.p)
-    zones = range(i + 1, len(parts) - 1)
-    sigma = np.concatenate([borders[j] + (borders[j + 1] - borders[j]) * fine for j in zones])
-    tractions = [zone.tractions(problem.rod, y, c) for zone, y, c in parts[i + 1 : -1]]
-    pressure, friction = np.concatenate(tractions, axis=1)
+    parts = problem.parts(discrete.between(fine), discrete.p)[i + 1 : -1]
+    borders = problem.borders(discrete.p)[i + 1 : -1]
+    sigma = np.concatenate([start + (end - start) * fine for start, end in pairwise(borders)])
+    pressure, friction = np.concatenate([zone.tractions(problem.rod, y, c) for zone, y, c in parts], axis=1)
+    held = np.concatenate([Stick().tractions(problem.rod, y[:3], [zone.stretch(y, c)])[1] for zone, y, c in parts])
     slip, strain = sense * run.scene.pulleys[0].friction * pressure, grip(problem, discrete)[0] - 1.0
+    # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
+    apart = sense * _integral(slip + held, sigma)
+    peak = int(np.argmax(apart))
+    back = np.interp(-apart, -apart[peak:], sigma[peak:])
+    # From here on, all is for a transition at each of the nodes.
     growth = np.exp(_integral(slip / strain, sigma))
-    added = _integral((slip + friction) * growth, sigma)
-    whole = _integral(added, sigma)
-    # All of these are for a transition at each of the nodes.
-    behind = (added[-1] - added) / growth
-    mean = (whole[-1] - whole - added * (sigma[-1] - sigma)) / growth + (0.5 - sigma[-1]) * behind
-    change = -mean if run.scene.pulleys[0].drive == "omega" else behind
+    tension = _integral((slip + friction) * growth, sigma)
+    whole = _integral(tension, sigma)
+    behind = (np.interp(back, sigma, tension) - tension) / growth
+    mean = (np.interp(back, sigma, whole) - whole - tension * (back - sigma)) / growth + (0.5 - back) * behind
     ahead = _ahead(run, stick)
+    change = -mean if run.scene.pulleys[0].drive == "omega" else behind
     change *= math.copysign(1.0, ahead) / (1.0 + mean / strain)
-    stuck = slice(0, fine.size)
-    return float(np.interp(-abs(ahead), -change[stuck], sigma[stuck]))
+    end = float(np.interp(-abs(ahead), -change[: fine.size], sigma[: fine.size]))
+    if end > borders[0]:
+        least = LEAST * (borders[1] - borders[0])
+        end = min(max(end, borders[0] + least), borders[1] - least)
+    turn = float(np.interp(end, sigma, back))
+    return [end, turn] if turn < sigma[-1] else [end]
 
 
 def _integral(values: Array, sigma: Array) -> Array:
@@ -111,9 +119,9 @@ def _integral(values: Array, sigma: Array) -> Array:
     return cumulative_trapezoid(values, sigma, initial=0.0)
 
 
-def _tried(run: Run, start: State, name: str) -> State | None:
+def _tried(run: Run, start: State, name: str, rounds: int = ROUNDS) -> State | None:
     """An answer from a first guess; None where there is none."""
-    coarse = newton(start.problem, start.discrete)
+    coarse = newton(start.problem, start.discrete, rounds=rounds)
     state = replace(start, discrete=coarse)
     run.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
     if state.plausible and answers(run, state := ordered(run, state)):
