@@ -22,7 +22,7 @@ import numpy as np
 from belt_fenicsx.bvp_answer import answer, final_stretch, seen, speed
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, left, ordered, placed
 from belt_fenicsx.bvp_collocation import COARSE, newton, refined
-from belt_fenicsx.bvp_drive import answers, driven
+from belt_fenicsx.bvp_drive import answers, driven, meets
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
 from belt_fenicsx.certificate import certified
 from belt_fenicsx.scene import Scene, SceneError, number
@@ -101,19 +101,22 @@ def _check_contact(scene: Scene) -> None:
 def _found(run: Run, initial: State | None, rtol: float) -> tuple[State, float]:
     """The answer and its estimated error.
 
-    With little friction, all admissible speeds may lie closer together than those of coarse and fine meshes do.
+    With little friction, all admissible speeds may lie closer together than those of coarse and fine meshes do; next
+    to pure stick and pure slip, so may speeds and torques of other zones.
     """
-    meshes = MESHES if run.scene.pulleys[0].drive == "omega" else MESHES[:1]
+    meshes = MESHES if run.scene.pulleys[0].drive != "x_trans" else MESHES[:1]
     for intervals in meshes:
         run.intervals = intervals
         try:
             state, error = _refined(run, _warm(run, initial) or _cold(run), rtol)
-        except Stopped:
-            if intervals == meshes[-1]:
+        except Stopped as stopped:
+            if stopped.final or intervals == meshes[-1]:
                 raise
         else:
             if answers(run, state):
                 break
+    if state.plausible and not meets(run, state):
+        raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {state.order}, which does not meet the drive.")
     return state, error
 
 
@@ -156,7 +159,7 @@ def _refined(run: Run, state: State, rtol: float) -> tuple[State, float]:
         if not (fine.converged and error <= rtol):
             raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {left(fine)} and an error of {error:.1g}.")
         state = replace(state, discrete=fine)
-        reviewed = ordered(run, state) if state.plausible else state
+        reviewed = ordered(run, state) if state.plausible and meets(run, state) else state
         if reviewed.order == state.order or not reviewed.plausible:
             return state, error
         state = reviewed

@@ -75,9 +75,8 @@ def answer(
     problem: Problem, scene: Scene, discrete: Discrete, omega: float | None = None
 ) -> tuple[Contact, tuple[Zone, ...], Fields]:
     """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
-    mesh, p, borders = discrete.mesh, discrete.p, problem.borders(discrete.p)
-    pieces = math.ceil(DENSE / (mesh.size - 1))
-    xi = np.interp(np.arange(pieces * (mesh.size - 1) + 1) / pieces, np.arange(mesh.size), mesh)
+    p, borders = discrete.p, problem.borders(discrete.p)
+    xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
     zones, columns = [], []
     for i, (zone, y, c) in enumerate(problem.parts(discrete.between(xi), p)):
         sigma = (1.0 - xi) * borders[i] + xi * borders[i + 1]

@@ -73,10 +73,11 @@ class Stopped(Exception):
     Attributes:
         status: How it ended.
         message: What was seen.
+        final: Whether finer meshes would not tell otherwise.
     """
 
-    def __init__(self, status: Status, message: str) -> None:
-        self.status, self.message = status, message
+    def __init__(self, status: Status, message: str, *, final: bool = False) -> None:
+        self.status, self.message, self.final = status, message, final
         super().__init__(status, message)
 
 

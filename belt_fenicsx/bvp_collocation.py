@@ -58,6 +58,11 @@ class Discrete:
         mesh = graded(self.width, intervals)
         return replace(self, mesh=mesh, y=self.between(mesh))
 
+    def finer(self, pieces: int) -> Array:
+        """Places in [0, 1], the nodes among them, that divide each interval of the mesh ``(pieces m + 1,)``."""
+        m = self.mesh.size - 1
+        return np.interp(np.arange(pieces * m + 1) / pieces, np.arange(m + 1), self.mesh)
+
 
 def graded(width: float, intervals: int) -> Array:
     """Nodes in [0, 1], their density about 1 / (distance to the nearer end + width) ``(intervals + 1,)``."""
@@ -67,7 +72,7 @@ def graded(width: float, intervals: int) -> Array:
     return nodes
 
 
-def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
+def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, rounds: int = ROUNDS) -> Discrete:
     """Solves the collocation's equations on the mesh of ``start``."""
     jacobians = 0
 
@@ -77,7 +82,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
         return problem.rate_jacobian(x, y, p)
 
     mesh, y, p = start.mesh, start.y, start.p
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
             problem.rate,

@@ -1,29 +1,39 @@
 """Answers on the coarse mesh for a given speed or torque, between sliding all along and sticking all along.
 
 1. A torque: the taut string knows forces well, and so about where stick ends.
-2. A speed: the taut string knows it only as a difference from that in pure stick, which is solved first; its solution,
-   with a part of the stick zone turned into sliding, is the first guess.
+2. A speed, or a torque for which the string does not suffice: pure stick is solved first. What its pressure lets
+   friction add to the belt's tension tells where stick ends; with sliding behind it, it is the first guess.
 3. Where Newton's iteration finds no answer from there, the transition is placed instead: between where it is in pure
    stick and in pure slip, moving until the speed or the torque is the given one.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
-from belt_fenicsx.bvp_collocation import newton
+from belt_fenicsx.bvp_collocation import ROUNDS, newton
 from belt_fenicsx.bvp_guess import divided, guess
-from belt_fenicsx.bvp_order import STICK, Order, pose, revision
+from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
+from belt_fenicsx.bvp_zones import Stick
 from belt_fenicsx.certificate import SENSE
+from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
 from belt_fenicsx.scene import Slip as Sense
 from belt_fenicsx.solution import Status
 from belt_fenicsx.taut_string import taut_string
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
-NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
+SLIGHT = 1e-9  # how closely pure slip has to, in the same units
+DOUBTFUL = 1e-2  # of the capacity, by which a torque exceeds it at most where a finer mesh might say otherwise
+NEARLY = 0.95  # of the contact slides before sliding turns next to the run-off, in the first guess
+LEAST = 1e-3  # part of the stick zone, at least, that sticks or slides in the first guess
 MOST_PLACES = 12  # of the transition that are tried one after another
 
 
@@ -33,21 +43,90 @@ def driven(run: Run) -> State:
     Raises:
         Stopped: There is none, or the torque is beyond what friction can transmit.
     """
-    if run.scene.pulleys[0].drive == "torque" and (state := _tried(run, None)):
+    if run.scene.pulleys[0].drive == "torque" and (state := _from_string(run)):
         return state
     stick = limit(run, RUN_OFF, "forward")
-    return _tried(run, stick) or _searched(run, stick)
+    return _from_stick(run, stick) or _searched(run, stick)
 
 
-def _tried(run: Run, stick: State | None) -> State | None:
-    """An answer from the taut string or from pure stick, of the likelier order first."""
-    sense, part = _estimate(run, stick)
-    tries = [(STICK, int(SENSE[sense])), (int(SENSE[sense]),)]
-    for senses in tries if part < 1.0 else reversed(tries):
-        state = _first(run, stick, senses, sense, min(max(part, 1.0 - NEARLY), NEARLY))
-        if state.plausible and answers(run, state := ordered(run, state)):
-            run.skipped("search", "the first guess sufficed")
-            return state
+def _from_string(run: Run) -> State | None:
+    """An answer for a given torque from the taut string, if it sticks somewhere."""
+    pulley = run.scene.pulleys[0]
+    sense: Sense = "forward" if pulley.torque >= 0.0 else "backward"
+    stick, slip = (taut_string(driven_by(run.scene, x_trans, sense)) for x_trans in (RUN_OFF, RUN_UP))
+    part = pulley.torque / pulley.radius / (slip.strain[1] - slip.strain[0])
+    if part >= 1.0:
+        return None
+    order = Order((STICK, int(SENSE[sense])))
+    problem = pose(run.scene, order)
+    x_trans = float(stick.x[2] + part * (stick.x[0] - stick.x[2]))
+    start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
+    return _tried(run, State(order, problem, start), "taut string", rounds=1)
+
+
+def _from_stick(run: Run, stick: State) -> State | None:
+    """An answer from pure stick, if a part of its stick zone is to slide."""
+    if STICK not in stick.order.senses:
+        return None
+    sense, i = _sense(run, stick), stick.order.senses.index(STICK)
+    borders = stick.problem.borders(stick.discrete.p)[1:-1]
+    ends = _ends(run, stick, i, sense)
+    if ends[0] <= borders[i]:
+        return None
+    order = Order((*stick.order.senses[:i], STICK, sense, -sense)[: i + 1 + len(ends)])
+    problem = pose(run.scene, order)
+    start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], *ends, borders[-1]]))
+    return _tried(run, State(order, problem, start), "pure stick")
+
+
+def _ends(run: Run, stick: State, i: int, sense: int) -> list[float]:
+    """Where the stick zone ``i`` of pure stick about ends under the given drive, and where sliding turns if it does.
+
+    Sliding adds the difference of its friction and that of stick to the tension. The pressure grows with the tension,
+    and the stretch before the transition gives way, since the belt's length does not change.
+    """
+    problem, discrete = stick.problem, stick.discrete
+    fine = discrete.finer(FINER)
+    parts = problem.parts(discrete.between(fine), discrete.p)[i + 1 : -1]
+    borders = problem.borders(discrete.p)[i + 1 : -1]
+    sigma = np.concatenate([start + (end - start) * fine for start, end in pairwise(borders)])
+    pressure, friction = np.concatenate([zone.tractions(problem.rod, y, c) for zone, y, c in parts], axis=1)
+    held = np.concatenate([Stick().tractions(problem.rod, y[:3], [zone.stretch(y, c)])[1] for zone, y, c in parts])
+    slip, strain = sense * run.scene.pulleys[0].friction * pressure, grip(problem, discrete)[0] - 1.0
+    # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
+    apart = sense * _integral(slip + held, sigma)
+    peak = int(np.argmax(apart))
+    back = np.interp(-apart, -apart[peak:], sigma[peak:])
+    # From here on, all is for a transition at each of the nodes.
+    growth = np.exp(_integral(slip / strain, sigma))
+    tension = _integral((slip + friction) * growth, sigma)
+    whole = _integral(tension, sigma)
+    behind = (np.interp(back, sigma, tension) - tension) / growth
+    mean = (np.interp(back, sigma, whole) - whole - tension * (back - sigma)) / growth + (0.5 - back) * behind
+    ahead = _ahead(run, stick)
+    change = -mean if run.scene.pulleys[0].drive == "omega" else behind
+    change *= math.copysign(1.0, ahead) / (1.0 + mean / strain)
+    end = float(np.interp(-abs(ahead), -change[: fine.size], sigma[: fine.size]))
+    if end > borders[0]:
+        least = LEAST * (borders[1] - borders[0])
+        end = min(max(end, borders[0] + least), borders[1] - least)
+    turn = float(np.interp(end, sigma, back))
+    return [end, turn] if turn < sigma[-1] else [end]
+
+
+def _integral(values: Array, sigma: Array) -> Array:
+    """Integral from the first node to each of them."""
+    return cumulative_trapezoid(values, sigma, initial=0.0)
+
+
+def _tried(run: Run, start: State, name: str, rounds: int = ROUNDS) -> State | None:
+    """An answer from a first guess; None where there is none."""
+    coarse = newton(start.problem, start.discrete, rounds=rounds)
+    state = replace(start, discrete=coarse)
+    run.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
+    if state.plausible and answers(run, state := ordered(run, state)):
+        run.skipped("search", "the first guess sufficed")
+        return state
     return None
 
 
@@ -57,13 +136,17 @@ def answers(run: Run, state: State) -> bool:
     Raises:
         Stopped: The torque is beyond what sliding all along transmits.
     """
-    if not state.plausible or not _meets(run, state):
+    if not state.plausible or not meets(run, state):
         return False
     return not (run.find_zones and revision(state.problem, state.order, state.discrete, run.scene.pulleys[0]))
 
 
-def _meets(run: Run, state: State) -> bool:
-    """Whether a state meets the drive, even if its order has no transition that the drive could place."""
+def meets(run: Run, state: State) -> bool:
+    """Whether a state meets the drive, even if its order has no transition that the drive could place.
+
+    Raises:
+        Stopped: The torque is beyond what sliding all along transmits.
+    """
     pulley, sense = run.scene.pulleys[0], state.order.senses[0]
     if pulley.drive == "x_trans" or pulley.friction == 0.0 or state.order.transition is not None:
         return True
@@ -71,11 +154,15 @@ def _meets(run: Run, state: State) -> bool:
     if sense == STICK:
         return abs(ahead) <= MET
     if pulley.drive == "omega":
-        return sense * ahead <= 0.0
-    if sense * ahead < 0.0:
-        return False
-    capacity = torque(state.problem, state.discrete) * run.units.of(length=1, force=1)
-    raise Stopped(Status.CAPACITY_EXCEEDED, f"Sliding all along, the belt transmits {capacity:.6g} N m.")
+        return sense * ahead <= SLIGHT
+    if sense * ahead <= SLIGHT:
+        return sense * ahead >= -SLIGHT
+    capacity = torque(state.problem, state.discrete)
+    raise Stopped(
+        Status.CAPACITY_EXCEEDED,
+        f"Sliding all along, the belt transmits {capacity * run.units.of(length=1, force=1):.6g} N m.",
+        final=abs(pulley.torque / capacity - 1.0) > DOUBTFUL,
+    )
 
 
 def _ahead(run: Run, state: State) -> float:
@@ -86,62 +173,24 @@ def _ahead(run: Run, state: State) -> float:
     return (pulley.torque - torque(state.problem, state.discrete)) / pulley.radius
 
 
-def _estimate(run: Run, stick: State | None) -> tuple[Sense, float]:
-    """Sense of sliding, and about which part of the contact slides."""
-    pulley = run.scene.pulleys[0]
-    by_speed = pulley.drive == "omega"
-    ahead = pulley.torque / pulley.radius if stick is None else _ahead(run, stick)
-    sense: Sense = "forward" if (ahead < 0.0) == by_speed else "backward"
-    stuck, slide = (taut_string(driven_by(run.scene, x_trans, sense)).strain for x_trans in (RUN_OFF, RUN_UP))
-    return sense, ahead / (slide[0] - stuck[0] if by_speed else slide[1] - slide[0])
-
-
-def _first(run: Run, stick: State | None, senses: tuple[int, ...], sense: Sense, part: float) -> State:
-    """A first solution with a given order, from pure stick where there is some, and from the taut string."""
-    if len(senses) > 1 and stick is not None and STICK in stick.order.senses:
-        i = stick.order.senses.index(STICK)
-        order = Order((*stick.order.senses[:i], *senses))
-        borders = stick.problem.borders(stick.discrete.p)[1:-1]
-        end = borders[i] + (1.0 - part) * (borders[i + 1] - borders[i])
-        problem = pose(run.scene, order)
-        start = divided(stick.problem, stick.discrete, problem, np.array([*borders[: i + 1], end, borders[-1]]))
-        name = "pure stick"
-    else:
-        string = taut_string(driven_by(run.scene, RUN_OFF, sense))
-        x_trans = RUN_UP if len(senses) == 1 else float(string.x[2] + part * (string.x[0] - string.x[2]))
-        order = Order(senses)
-        problem = pose(run.scene, order)
-        start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
-        name = "taut string"
-    coarse = newton(problem, start)
-    run.ran(name, f"no plausible solution yet; now {order}", coarse.iterations)
-    return State(order, problem, coarse)
+def _sense(run: Run, stick: State) -> int:
+    """Sense of the sliding that a drive asks for, from pure stick."""
+    return 1 if (_ahead(run, stick) < 0.0) == (run.scene.pulleys[0].drive == "omega") else -1
 
 
 def _searched(run: Run, stick: State) -> State:
     """An answer from solutions whose transition is placed, between pure stick and pure slip."""
-    pulley = run.scene.pulleys[0]
-    by_speed = pulley.drive == "omega"
-    sense: Sense = "forward" if (_ahead(run, stick) < 0.0) == by_speed else "backward"
+    sense: Sense = "forward" if _sense(run, stick) > 0 else "backward"
     slip = limit(run, RUN_UP, sense)
-    if _meets(run, slip):
+    if meets(run, slip):
         return slip
     ends = [[grip(stick.problem, stick.discrete)[1], _ahead(run, stick)], [earliest(slip), _ahead(run, slip)]]
-    if ends[1][0] != grip(slip.problem, slip.discrete)[1]:
-        # Next to pure slip, sliding turns next to the run-off and nowhere else.
-        first, last = slip.problem.borders(slip.discrete.p)[1:-1]
-        order = Order((int(SENSE[sense]), -int(SENSE[sense])))
-        problem = pose(run.scene, order)
-        start = divided(
-            slip.problem, slip.discrete, problem, np.array([first, (1.0 - NEARLY) * first + NEARLY * last, last])
-        )
-        coarse = newton(problem, start)
-        run.ran("pure slip", f"now {order}", coarse.iterations)
-        state = State(order, problem, coarse)
-        if state.plausible and answers(run, state := ordered(run, state)):
-            return state
+    if ends[1][0] != grip(slip.problem, slip.discrete)[1] and (state := _turned(run, slip)):
+        return state
     for _ in range(MOST_PLACES):
         (x, ahead), (x_other, ahead_other) = ends
+        if abs(x_other - x) <= NOTHING:
+            break
         place = x + float(np.clip(ahead / (ahead - ahead_other), 0.05, 0.95)) * (x_other - x)
         search = Run(driven_by(run.scene, place, sense), run.units, run.find_zones, run.intervals)
         try:
@@ -149,10 +198,21 @@ def _searched(run: Run, stick: State) -> State:
         except (Stopped, SceneError):
             break
         problem = pose(run.scene, near.order)
-        coarse = newton(problem, near.discrete)
-        run.ran("search", f"with the transition at {place:.6g} at first", search.iterations + coarse.iterations)
-        state = State(near.order, problem, coarse)
-        if state.plausible and answers(run, state := ordered(run, state)):
+        run.ran("search", f"with the transition at {place:.6g} at first", search.iterations)
+        if state := _tried(run, replace(near, problem=problem), "search"):
             return state
         ends[int(_ahead(run, near) * ahead < 0.0)] = [place, _ahead(run, near)]
     raise Stopped(Status.NEWTON_DIVERGED, "No place of the transition was found for the drive.")
+
+
+def _turned(run: Run, slip: State) -> State | None:
+    """An answer next to pure slip, if sliding turns next to the run-off there and nowhere else."""
+    if run.scene.pulleys[0].drive == "omega":
+        state = ordered(run, slip)
+        return state if answers(run, state) else None
+    (sense,), (first, last) = slip.order.senses, slip.problem.borders(slip.discrete.p)[1:-1]
+    order = Order((sense, -sense))
+    problem = pose(run.scene, order)
+    borders = np.array([first, (1.0 - NEARLY) * first + NEARLY * last, last])
+    start = divided(slip.problem, slip.discrete, problem, borders)
+    return _tried(run, State(order, problem, start), "pure slip")

@@ -124,9 +124,7 @@ def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley)
     if (found := _broken(problem, order, discrete.mesh, discrete.y, discrete.p, pulley)) is None:
         return None
     # A new border has to start close to where it will be.
-    fine = np.interp(
-        np.arange(0.0, discrete.mesh.size - 1.0 + 1e-9, 1.0 / FINER), np.arange(discrete.mesh.size), discrete.mesh
-    )
+    fine = discrete.finer(FINER)
     return _broken(problem, order, fine, discrete.between(fine), discrete.p, pulley) or found
 
 
