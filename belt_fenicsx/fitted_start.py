@@ -298,9 +298,12 @@ def _found(run: Run) -> State:
     Raises:
         Stopped: It does not find them, or Newton's iteration does not converge from them.
     """
+    from mpi4py import MPI
+
     from belt_fenicsx import augmented_lagrangian
 
-    coarse = augmented_lagrangian.solve(run.scene, elements=COARSE, rtol=1e-6, throw=False)
+    # Other ranks may be at other scenes.
+    coarse = augmented_lagrangian.solve(run.scene, elements=COARSE, rtol=1e-6, comm=MPI.COMM_SELF, throw=False)
     why = "Newton's iteration failed from the taut string; this finds the zones"
     run.ran("augmented Lagrangian", why, coarse.iterations)
     contact = [Part(zone.kind, zone.slip) for zone in coarse.zones[1:-1]]

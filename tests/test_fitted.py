@@ -19,6 +19,7 @@ from belt_fenicsx.condensed import Condensed, local  # noqa: E402
 from belt_fenicsx.fitted_answer import fields_at  # noqa: E402
 from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points  # noqa: E402
 from belt_fenicsx.fitted_newton import iteration_on, newton, switches  # noqa: E402
+from belt_fenicsx.fitted_start import Run, _found  # noqa: E402
 from belt_fenicsx.fitted_state import from_string  # noqa: E402
 from belt_fenicsx.sweeps import sweep  # noqa: E402
 from belt_fenicsx.taut_string import taut_string  # noqa: E402
@@ -245,6 +246,15 @@ def test_warm_start_from_a_file(tmp_path):
     warm = fitted.solve(scene(x_trans=0.05), initial=Solution.load(tmp_path / "first.npz"))
     assert warm.omega == pytest.approx(fitted.solve(scene(x_trans=0.05)).omega, rel=1e-8)
     assert warm.stages[0].why == "the given solution"
+
+
+def test_a_rank_finds_zones_alone():
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank == 0:
+        dimensionless, units = Scene().dimensionless()
+        state = _found(Run(Scene(), dimensionless, units, None, newton(())))
+        assert state.D_stick == pytest.approx(0.7 * OMEGA, rel=1e-4)
 
 
 def test_warm_start_from_other_zones_starts_afresh():
