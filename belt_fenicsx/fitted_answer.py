@@ -54,7 +54,7 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     """
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
-    (r, theta, p, f), (dr, kappa) = state.at(cell, xi), state.slopes_at(cell, xi)
+    (r, theta), (p, f), (dr, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.slopes_at(cell, xi)
     D = norm(dr)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),

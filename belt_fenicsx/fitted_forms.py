@@ -138,9 +138,15 @@ def lagrange_basis(nodes: Array, at: Array) -> tuple[Array, Array]:
     Returns:
         Two arrays ``(m, n)``.
     """
-    # In Chebyshev polynomials, which keeps the conversion well-conditioned for all degrees in use.
+    values, slopes = _in_chebyshev_polynomials(nodes.tobytes())
+    chebyshev = np.polynomial.chebyshev.chebvander(2 * at - 1, nodes.size - 1)
+    return chebyshev @ values, chebyshev[:, : len(slopes)] @ slopes
+
+
+@functools.cache
+def _in_chebyshev_polynomials(nodes: bytes) -> tuple[Array, Array]:
+    """Coefficients of Lagrange polynomials, and of their derivatives: well-conditioned for all degrees in use."""
+    at = np.frombuffer(nodes)
     chebyshev = np.polynomial.chebyshev
-    to_coefficients = np.linalg.inv(chebyshev.chebvander(2 * nodes - 1, nodes.size - 1))
-    values = chebyshev.chebvander(2 * at - 1, nodes.size - 1) @ to_coefficients
-    slopes = chebyshev.chebder(to_coefficients, scl=2) if nodes.size > 1 else np.zeros((1, 1))
-    return values, chebyshev.chebvander(2 * at - 1, max(nodes.size - 2, 0)) @ slopes
+    values = np.linalg.inv(chebyshev.chebvander(2 * at - 1, at.size - 1))
+    return values, chebyshev.chebder(values, scl=2) if at.size > 1 else np.zeros((1, 1))

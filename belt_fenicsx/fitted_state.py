@@ -165,16 +165,18 @@ class State:
         cell = np.clip(np.searchsorted(left[1:], sigma, side="left" if before else "right"), 0, len(left) - 1)
         return cell, (sigma - left[cell]) / self.length[cell]
 
-    def at(self, cell: Array, xi: Array) -> tuple[Array, Array, Array, Array]:
-        """r, theta, p and f at points ``xi`` of cells ``(m,)``."""
-        at, (nodes, gauss), values = local(self.degree), points(self.degree), self.values[cell]
-        nodal, traction = lagrange_basis(nodes, xi)[0], lagrange_basis(gauss, xi)[0]
+    def at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
+        """r and theta at points ``xi`` of cells ``(m,)``."""
+        at, values = local(self.degree), self.values[cell]
+        nodal = lagrange_basis(points(self.degree)[0], xi)[0]
         r = on_chords(self.chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mic->mc", nodal, values[:, at.r])
-        theta, p, f = (
-            np.einsum("mi,mi->m", basis, values[:, dofs])
-            for basis, dofs in ((nodal, at.theta), (traction, at.p), (traction, at.f))
-        )
-        return r, theta, p, f
+        return r, np.einsum("mi,mi->m", nodal, values[:, at.theta])
+
+    def tractions_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
+        """p and f at points ``xi`` of cells ``(m,)``."""
+        at, values = local(self.degree), self.values[cell]
+        basis = lagrange_basis(points(self.degree)[1], xi)[0]
+        return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
 
     def slopes_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Derivatives of r and theta at points ``xi`` of cells ``(m,)``."""
@@ -258,7 +260,7 @@ def from_fields(
         r, theta, p, f = state.at_nodes
     else:
         nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))
-        (r, theta, _, _), (_, _, p, f) = _read(old, nodes), _read(old, gauss)
+        (r, theta), (p, f) = _read(old, nodes, gauss)
     at, mesh = local(degree), state.mesh
     state.values[:, at.p] = mesh.touches[:, None] * p
     state.values[:, at.f] = np.where(mesh.sticks[:, None], f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
@@ -266,11 +268,15 @@ def from_fields(
     return _placed(scene, state, r, theta)
 
 
-def _read(old: Fields | State, sigma: Array) -> tuple[Array, Array, Array, Array]:
-    """r, theta, p and f at points ``(n, m)``."""
+def _read(old: Fields | State, nodes: Array, gauss: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """r and theta at the nodes ``(n, k + 1)``, p and f at the Gauss points ``(n, k)``."""
     if isinstance(old, State):
-        columns = old.at(*old.located(sigma.ravel()))
-        r, theta, p, f = (column.reshape(*sigma.shape, *column.shape[1:]) for column in columns)
-        return r, theta, p, f
-    r = np.stack([np.interp(sigma, old.sigma, x) for x in old.r.T], axis=2)
-    return r, *(np.interp(sigma, old.sigma, field) for field in (old.theta, old.p, old.f))
+        r, theta = old.at(*old.located(nodes.ravel()))
+        p, f = old.tractions_at(*old.located(gauss.ravel()))
+        return (r.reshape(*nodes.shape, 2), theta.reshape(nodes.shape)), (
+            p.reshape(gauss.shape),
+            f.reshape(gauss.shape),
+        )
+    r = np.stack([np.interp(nodes, old.sigma, x) for x in old.r.T], axis=2)
+    p, f = (np.interp(gauss, old.sigma, field) for field in (old.p, old.f))
+    return (r, np.interp(nodes, old.sigma, old.theta)), (p, f)
