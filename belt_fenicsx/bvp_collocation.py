@@ -72,7 +72,7 @@ def graded(width: float, intervals: int) -> Array:
     return nodes
 
 
-def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, rounds: int = ROUNDS) -> Discrete:
+def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
     """Solves the collocation's equations on the mesh of ``start``."""
     jacobians = 0
 
@@ -82,7 +82,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, rounds:
         return problem.rate_jacobian(x, y, p)
 
     mesh, y, p = start.mesh, start.y, start.p
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
             problem.rate,

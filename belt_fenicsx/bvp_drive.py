@@ -1,10 +1,11 @@
 """Answers on the coarse mesh for a given speed or torque, between sliding all along and sticking all along.
 
-1. A torque: the taut string knows forces well, and so about where stick ends.
-2. A speed, or a torque for which the string does not suffice: pure stick is solved first. What its pressure lets
-   friction add to the belt's tension tells where stick ends; with sliding behind it, it is the first guess.
-3. Where Newton's iteration finds no answer from there, the transition is placed instead: between where it is in pure
-   stick and in pure slip, moving until the speed or the torque is the given one.
+1. Pure stick is solved first. What its pressure lets friction add to the belt's tension tells where stick ends; with
+   sliding behind it, it is the first guess.
+2. Where everything is to slide, or Newton's iteration finds no answer from there, pure slip is solved. It is the answer
+   if the drive asks for no less.
+3. If not, the transition is placed: between where it is in pure stick and in pure slip, moving until the speed or the
+   torque is the given one.
 """
 
 from __future__ import annotations
@@ -18,16 +19,14 @@ from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
-from belt_fenicsx.bvp_collocation import ROUNDS, newton
-from belt_fenicsx.bvp_guess import divided, guess
+from belt_fenicsx.bvp_collocation import newton
+from belt_fenicsx.bvp_guess import divided
 from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
 from belt_fenicsx.bvp_zones import Stick
-from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
 from belt_fenicsx.scene import Slip as Sense
 from belt_fenicsx.solution import Status
-from belt_fenicsx.taut_string import taut_string
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
 SLIGHT = 1e-9  # how closely pure slip has to, in the same units
@@ -43,25 +42,8 @@ def driven(run: Run) -> State:
     Raises:
         Stopped: There is none, or the torque is beyond what friction can transmit.
     """
-    if run.scene.pulleys[0].drive == "torque" and (state := _from_string(run)):
-        return state
     stick = limit(run, RUN_OFF, "forward")
     return _from_stick(run, stick) or _searched(run, stick)
-
-
-def _from_string(run: Run) -> State | None:
-    """An answer for a given torque from the taut string, if it sticks somewhere."""
-    pulley = run.scene.pulleys[0]
-    sense: Sense = "forward" if pulley.torque >= 0.0 else "backward"
-    stick, slip = (taut_string(driven_by(run.scene, x_trans, sense)) for x_trans in (RUN_OFF, RUN_UP))
-    part = pulley.torque / pulley.radius / (slip.strain[1] - slip.strain[0])
-    if part >= 1.0:
-        return None
-    order = Order((STICK, int(SENSE[sense])))
-    problem = pose(run.scene, order)
-    x_trans = float(stick.x[2] + part * (stick.x[0] - stick.x[2]))
-    start = guess(problem, driven_by(run.scene, x_trans, sense), run.intervals)
-    return _tried(run, State(order, problem, start), "taut string", rounds=1)
 
 
 def _from_stick(run: Run, stick: State) -> State | None:
@@ -119,9 +101,9 @@ def _integral(values: Array, sigma: Array) -> Array:
     return cumulative_trapezoid(values, sigma, initial=0.0)
 
 
-def _tried(run: Run, start: State, name: str, rounds: int = ROUNDS) -> State | None:
+def _tried(run: Run, start: State, name: str) -> State | None:
     """An answer from a first guess; None where there is none."""
-    coarse = newton(start.problem, start.discrete, rounds=rounds)
+    coarse = newton(start.problem, start.discrete)
     state = replace(start, discrete=coarse)
     run.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
     if state.plausible and answers(run, state := ordered(run, state)):

@@ -141,6 +141,31 @@ def test_speeds_that_a_coarse_mesh_does_not_tell_apart():
 
 
 @pytest.mark.parametrize("drive", ["omega", "torque"])
+@pytest.mark.parametrize("friction", [0.2, 0.02])
+@pytest.mark.parametrize("part", [1e-7, 1e-4, 1e-2, 0.99, 0.9999])
+@pytest.mark.parametrize("slip", ["forward", "backward"])
+def test_drives_next_to_pure_stick_and_pure_slip(drive, friction, part, slip):
+    stick, slid = (
+        bvp.solve(scene(friction=friction, x_trans=x_trans, slip=slip)).contacts[0] for x_trans in ("run-off", "run-up")
+    )
+    given = getattr(stick, drive) + part * (getattr(slid, drive) - getattr(stick, drive))
+    solution = bvp.solve(scene(friction=friction, **{drive: given}))
+    assert solution.contacts[0].torque == pytest.approx(given, abs=1e-6 * abs(slid.torque)) or drive == "omega"
+    sticks = [number + 1 for number, zone in enumerate(solution.contacts[0].zones) if zone.kind == "stick"]
+    assert np.max(np.abs(solution.fields.v_rel[np.isin(solution.fields.zone, sticks)]), initial=0.0) < 1e-7
+
+
+@pytest.mark.parametrize("drive", ["omega", "torque"])
+def test_pure_stick_tells_where_sliding_turns(drive):
+    """Next to the run-off, sliding turns: the first guess has all zones already."""
+    placed = bvp.solve(scene(friction=0.02, x_trans=0.195, slip="backward"), rtol=1e-10)
+    given = bvp.solve(scene(friction=0.02, **{drive: getattr(placed.contacts[0], drive)}), rtol=1e-10)
+    assert zones(given) == zones(placed) == "forward | stick | backward | forward"
+    assert set(given.timings) == {"limits", "pure stick", "refinement"}
+    assert given.contacts[0].x_trans == pytest.approx(0.195, abs=1e-6)
+
+
+@pytest.mark.parametrize("drive", ["omega", "torque"])
 def test_sliding_that_turns_without_stick(drive):
     """Between pure backward slip and the first stick, sliding turns next to the run-off."""
     base = scene(
