@@ -20,6 +20,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from statistics import median
 
 import numpy as np
 from readme import write_into_readme
@@ -28,6 +29,7 @@ ELEMENTS = (1_000, 10_000, 100_000, 1_000_000)
 FITTED = 10_000  # elements from which on powers are fitted
 RANKS = (1, 2)
 SCENES = 2000
+REPEATS = 3
 OMEGA = 1.4807092526223
 SECONDS = 600  # of the longest run that is waited for
 
@@ -91,7 +93,13 @@ def run_rank(what: str, count: int) -> None:
 
 
 # %%
-def measured(what: str, count: int, ranks: int) -> dict[str, float]:
+def measured(what: str, count: int) -> list[dict[str, float]]:
+    """Measures on each number of ranks: medians of runs that take turns, so that all see the same machine."""
+    runs = [[measured_once(what, count, ranks) for ranks in RANKS] for _ in range(REPEATS)]
+    return [{name: median(run[name] for run in own) for name in own[0]} for own in zip(*runs, strict=True)]
+
+
+def measured_once(what: str, count: int, ranks: int) -> dict[str, float]:
     """Measures of a run."""
     command = [sys.executable, __file__, "--rank", what, "--count", str(count)]
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
@@ -118,12 +126,12 @@ def power(counts: Sequence[int], values: Sequence[float]) -> float:
 
 def table() -> str:
     """The table, with the machine's load when it was begun."""
-    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run."
+    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run; medians of {REPEATS}."
     asked = [(count, "elements") for count in ELEMENTS] + [(SCENES, "scenes")]
     runs = {}
     for count, what in asked:
         print(f"{count} {what} ...", file=sys.stderr)
-        runs[count, what] = [measured(what, count, ranks) for ranks in RANKS]
+        runs[count, what] = measured(what, count)
     times = [f"ranks {n} [s]" for n in RANKS]
     each = ["1 rank, each [us]", "memory of a rank [MB]", "1 rank, each [kB]", "iterations on this mesh", "error"]
     head = ["run", *times, "gain", *each]
