@@ -41,26 +41,23 @@ def outcomes(cases, rtol):
         yield solution.success, error, solution.error_estimate / max(error, REFERENCE / 5)
 
 
-def check(cases, rtol):
-    solved, errors, ratios = zip(*outcomes(cases, rtol), strict=True)
-    reached = [(error, ratio) for ok, error, ratio in zip(solved, errors, ratios, strict=True) if ok]
-    assert len(reached) >= 0.95 * len(cases)
-    assert max(error for error, _ in reached) <= rtol
-    # Where the error of the last degree happens to be small, the change by it says little of it.
-    honest = [1.0 <= ratio <= 100.0 for _, ratio in reached]
-    assert sum(honest) >= 0.9 * len(honest)
-    assert min(ratio for _, ratio in reached) >= 0.3
+def check(cases):
+    ratios = []
+    for rtol in TOLERANCES:
+        reached = [(error, ratio) for solved, error, ratio in outcomes(cases, rtol) if solved]
+        assert len(reached) >= 0.95 * len(cases)
+        assert max(error for error, _ in reached) <= rtol
+        ratios += [ratio for _, ratio in reached]
+    # Where the error that a degree leaves happens to be small, the change by it says little of it.
+    assert sum(1.0 <= ratio <= 100.0 for ratio in ratios) >= 0.9 * len(ratios)
+    assert min(ratios) >= 0.3
 
 
 def test_a_few_scenes(monkeypatch):
-    cases = references(monkeypatch, 8, seed=3)
-    for rtol in TOLERANCES:
-        check(cases, rtol)
+    check(references(monkeypatch, 8, seed=3))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 7])
 def test_many_scenes(monkeypatch, seed):
-    cases = references(monkeypatch, 40, seed)
-    for rtol in TOLERANCES:
-        check(cases, rtol)
+    check(references(monkeypatch, 40, seed))
