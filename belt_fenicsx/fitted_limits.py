@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError, Slip
-from belt_fenicsx.solution import Solution
+from belt_fenicsx.solution import Solution, Status
 
-RTOL = 1e-6
+RTOL = 1e-8
 MOST_PLACES = 12  # of the transition that are tried one after another
 NEAR = 0.01  # of the way from pure stick to pure slip, within which Newton's iteration finds the given speed or moment
+
+WAY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # parts of the contact that slide, one after another
 
 Solve = Callable[..., Solution]
 
@@ -58,11 +60,10 @@ def near_by(scene: Scene, solve: Solve) -> Solution | None:
         return given - getattr(solution.contacts[0], pulley.drive)
 
     slip: Slip = "forward" if (ahead(stuck) < 0.0) == (pulley.drive == "omega") else "backward"
-    slid = _placed(scene, solve, x_trans=RUN_UP, slip=slip)
-    if not slid.success or ahead(slid) * ahead(stuck) >= 0.0:
+    ends = _ends(scene, solve, stuck, slip, ahead)
+    if ends is None:
         return None
-    whole = abs(ahead(slid) - ahead(stuck))
-    ends = [(_slowest(slid), ahead(slid)), (stuck.contacts[0].x_trans, ahead(stuck))]
+    whole = abs(ends[0][1] - ends[1][1])
     for _ in range(MOST_PLACES):
         (x, a), (x_other, a_other) = ends
         place = x + float(np.clip(a / (a - a_other), 0.05, 0.95)) * (x_other - x)
@@ -75,10 +76,39 @@ def near_by(scene: Scene, solve: Solve) -> Solution | None:
     return None
 
 
+def _ends(
+    scene: Scene, solve: Solve, stuck: Solution, slip: Slip, ahead: Callable[[Solution], float]
+) -> list[tuple[float, float]] | None:
+    """Two places between which the transition lies, and by how much the given value exceeds that for each of them.
+
+    One is where stick ends in pure stick, the other where it does in pure slip. Where the belt cannot slide all along,
+    the transition goes back from the run-off until it is far enough.
+    """
+    here = (stuck.contacts[0].x_trans, ahead(stuck))
+    slid = _placed(scene, solve, x_trans=RUN_UP, slip=slip)
+    if slid.success:
+        there = (_slowest(slid), ahead(slid))
+        return [there, here] if there[1] * here[1] < 0.0 else None
+    for part in WAY:
+        place = stuck.contacts[0].x_trans + part * (stuck.contacts[0].x_up - stuck.contacts[0].x_trans)
+        solution = _placed(scene, solve, x_trans=place, slip=slip)
+        if not solution.success:
+            return None
+        there = (place, ahead(solution))
+        if there[1] * here[1] < 0.0:
+            return [there, here]
+        here = there
+    return None
+
+
 def _placed(scene: Scene, solve: Solve, **drive: Any) -> Solution:
-    """The solution with another drive."""
+    """The solution with another drive; where its transition cannot be meant, one that is no success."""
     pulley = replace(scene.pulleys[0], **{"omega": None, "torque": None, "slip": None, **drive})
-    return solve(replace(scene, pulleys=(pulley,)), rtol=RTOL, throw=False)
+    placed = replace(scene, pulleys=(pulley,))
+    try:
+        return solve(placed, rtol=RTOL, throw=False)
+    except SceneError as error:
+        return Solution(scene=placed, method="fitted", status=Status.REFUSED, message=str(error))
 
 
 def _slowest(slid: Solution) -> float:

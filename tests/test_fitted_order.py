@@ -94,7 +94,7 @@ def test_sliding_all_along_is_measured_where_it_is_slowest(stress, number):
     assert np.all(sliding > -1e-8)
 
 
-@pytest.mark.parametrize(("seed", "number"), [(18, 8), (18, 129), (18, 167), (18, 168), (77, 232)])
+@pytest.mark.parametrize(("seed", "number"), [(18, 8), (18, 129), (18, 167), (18, 168), (77, 232), (31, 8)])
 @pytest.mark.parametrize("drive", ["omega", "torque"])
 def test_a_drive_gives_the_same_state_back(stress, seed, number, drive):
     placed = fitted.solve(drawn(seed)[number], rtol=1e-9)
