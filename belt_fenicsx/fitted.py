@@ -149,11 +149,12 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
                 result = raised(run, finer(run, result[0]), rtol, degree)
             return result
         except Stopped as stopped:
-            if stopped.status is not Status.NEWTON_DIVERGED:
+            if stopped.status not in (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE):
                 raise
             if failure is None:
                 check_limits(run.asked, solve)
-            failure = failure or stopped
+            # That contact is not one arc says more than that there was no convergence.
+            failure = stopped if failure is None or stopped.status is Status.NOT_ADMISSIBLE else failure
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
 
 
@@ -178,7 +179,7 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         p, p_start = (s.values[:, local(k).p] for s in (higher, start))
         change_of_p = float(np.abs(p - p_start).max() / p.max())
         if p.min() < -NEGATIVE * p.max():
-            raise Stopped(Status.NEWTON_DIVERGED, "The pressure is negative: this is another root of the equations.")
+            raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, higher))
         change_of_known = abs(1.0 - _known(run.scene, state) / _known(run.scene, higher))
         left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT_FIRST
         estimate = max(left * change_of_known, rounding(higher))
@@ -201,6 +202,16 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
         if final:
             break
     return state, estimate, change_of_p
+
+
+def _lifted(run: Run, state: State) -> str:
+    """What negative pressure inside of the contact means."""
+    dense = state.dense
+    x = float(dense.r[..., 0].flat[np.argmin(dense.p)]) * run.units.length
+    return (
+        f"The pressure is negative at x = {x:.6g} m: the belt would lift off there, and contact is not one arc; "
+        "or this is another root of the equations."
+    )
 
 
 def reviewed(run: Run, state: State, error: float) -> State:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.scene import Belt, Scene, SceneError
 from belt_fenicsx.solution import Status
 
 pytest.importorskip("dolfinx")
@@ -113,6 +113,14 @@ def test_zones_that_slide_both_ways_meet_at_the_transition():
     assert (zones.transition, zones.grip) == (1, 1)
     zones = ordered(Scene(), [Part("slip", "forward"), STICK, Part("slip", "backward")])
     assert (zones.transition, zones.grip) == (2, 1)
+
+
+@pytest.mark.parametrize(("length", "thickness"), [(1.1, 0.08), (1.2, 0.1)])
+def test_a_slack_and_stiff_belt_would_lift_off(length, thickness):
+    scene = Scene(belt=Belt(length=length, thickness=thickness))
+    solution, reference = (solve(scene, throw=False) for solve in (fitted.solve, bvp.solve))
+    assert solution.status is reference.status is Status.NOT_ADMISSIBLE
+    assert "would lift off" in solution.message and "would lift off" in reference.message
 
 
 def test_a_string_on_given_angles_of_the_pulley():
