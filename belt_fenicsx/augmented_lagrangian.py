@@ -1,67 +1,40 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
-1. Frictionless, with a relaxed penalty, from the taut string; on a fine mesh, a solution on a coarser one instead.
-2. With friction, and a penalty that grows to its full value:
-   lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
-   lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
-
-Each update follows a loosely converged Newton solve; the loop ends when the multipliers and the penetration have
-come to rest. The answer is then as good as the mesh, which knows the contact zone to a part of an element.
-
-References:
-    R. T. Rockafellar, "The multiplier method of Hestenes and Powell applied to convex programming", 1973,
-    doi:10.1007/BF00934777, for the signed form. The source's own update can only grow.
+Where the borders of the contact zone are is not known before, so a fine mesh starts from the solution on a coarser one
+(`lagrangian_run`, on each of them). The answer is as good as the mesh, which knows the contact zone to a part of an
+element.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import logging
-import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx import recognition
 from belt_fenicsx.certificate import certified, check_transition
-from belt_fenicsx.fields import Fields
-from belt_fenicsx.lagrangian_forms import Problem, State
+from belt_fenicsx.errors import compiling
+from belt_fenicsx.fields import Array
+from belt_fenicsx.lagrangian_forms import Problem
+from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.mesh import check_elements
-from belt_fenicsx.multipliers import Multipliers, Penalties, slip_share
-from belt_fenicsx.newton import NewtonError
+from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Solution, Stage, Status, finish
-from belt_fenicsx.taut_string import taut_string
+from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.stages import Stages
 
-Array = np.ndarray
-logger = logging.getLogger(__name__)
-
-NAME = "augmented-lagrangian"
-MAX_UPDATES = 200
-NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
-EPS = np.finfo(float).eps
-PENETRATION_TOL = 1e-9
-# Share of the nodal forces' rounding errors that does not cancel in the pressure: 0.05, measured on 4e5 elements.
-ROUNDING = 0.1
-# Rounding errors of a penetration by which updates go on to change the pressure: 0.4, measured on graded meshes.
-BLUR = 0.5
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
-LEAST_GROWTH = 1.2
-# What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
-# resultant, is closer to its limit by four to five digits.
-MULTIPLIER_CHANGE_PER_RTOL = 1e3
 
 
 @functools.lru_cache(maxsize=16)
 def _problem(elements: int, comm: int, options: tuple[tuple[str, Any], ...], frictional: bool) -> Problem:
     """What scenes share is made once: forms and function spaces cost a hundred times a solve."""
-    return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
+    with compiling():
+        return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
 
 
 def solve(
@@ -111,16 +84,16 @@ def solve(
     while fields is None and len(meshes[0]) > FINE:
         meshes.insert(0, _coarser(meshes[0]))
     shared = {"comm": comm.py2f(), "options": tuple(sorted((options or {}).items()))}
-    stages: list[Stage] = []
+    stages = Stages()
     for nodes in meshes:
-        began = time.perf_counter()
-        problem = _problem(len(nodes) - 1, frictional=plain.pulleys[0].friction > 0.0, **shared)
-        stages.append(Stage(name="set-up", why="forms and spaces", iterations=0, seconds=time.perf_counter() - began))
-        run = _Run(problem, plain, nodes, Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale), stages)
-        solution = run.solve(fields, rtol if nodes is meshes[-1] else COARSE_RTOL)
+        last, count = nodes is meshes[-1], len(nodes) - 1
+        where = "" if last else f", {count} elements"
+        problem = _problem(count, frictional=plain.pulleys[0].friction > 0.0, **shared)
+        stages.ran(f"set-up{where}", "forms and spaces")
+        penalties = Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale)
+        run = Run(problem, plain, nodes, penalties, stages, where)
+        solution = run.solve(fields, rtol if last else COARSE_RTOL)
         fields = solution.fields
-        if nodes is not meshes[-1]:
-            stages = [_on_mesh(stage, len(nodes) - 1) for stage in stages]
     solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
@@ -143,210 +116,3 @@ def _coarser(nodes: Array) -> Array:
     """Nodes of fewer cells, graded alike."""
     last = len(nodes) - 1
     return np.interp(np.linspace(0.0, last, last // COARSENING + 1), np.arange(last + 1), nodes)
-
-
-def _on_mesh(stage: Stage, elements: int) -> Stage:
-    """Says in a coarse mesh's stage which mesh it was."""
-    return stage if stage.name.endswith("elements") else replace(stage, name=f"{stage.name}, {elements} elements")
-
-
-class _ContactLost(RuntimeError):
-    """No Gauss point is in contact."""
-
-
-class _UpdatesDiverged(RuntimeError):
-    """The multipliers did not come to rest."""
-
-
-FAILURES = {
-    NewtonError: Status.NEWTON_DIVERGED,
-    _UpdatesDiverged: Status.MULTIPLIERS_DIVERGED,
-    _ContactLost: Status.CONTACT_LOST,
-}
-
-
-class _Run:
-    """One dimensionless scene on its way through the phases."""
-
-    def __init__(self, problem: Problem, scene: Scene, nodes: Array, penalties: Penalties, stages: list[Stage]) -> None:
-        self.problem, self.scene, self.penalties, self.stages = problem, scene, penalties, stages
-        self.pulley = scene.pulleys[0]
-        self.multipliers = Multipliers(p=np.zeros_like(problem.space.eta), f=np.zeros_like(problem.space.eta))
-        self.penalty = penalties.relaxed
-        self.measures: dict[str, float] = {}
-        # One answer for all ranks: what is told is computed by all.
-        self.told = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
-        problem.load(scene, nodes)
-        # An entry of the residual is a difference of forces b1 r/size, with pressures P g in it, most of which cancel.
-        sizes, length = np.diff(nodes), scene.belt.length
-        stiffness = scene.belt.extensional_stiffness / sizes + ROUNDING * penalties.limits(sizes) * sizes
-        self.rounding = EPS * length * stiffness
-        self.limit = np.repeat(penalties.limits(problem.sizes())[:, np.newaxis], problem.space.eta.shape[1], axis=1)
-
-    def solve(self, fields: Fields | None, rtol: float) -> Solution:
-        """Runs the phases, from the fields of another solution or from nothing, and reads off the solution."""
-        common = {"scene": self.scene, "method": NAME}
-        try:
-            if fields is None:
-                self.relaxed("no initial solution was given")
-            else:
-                self.warm(fields)
-            state = self.frictional(rtol)
-        except tuple(FAILURES) as failure:
-            message = f"Stage `{self.stages[-1].name}`: {failure}"
-            return Solution(**common, status=FAILURES[type(failure)], message=message, **self._records())
-        fields, zones, contact = recognition.recognise(self.scene, self._gathered(state))
-        contacts = (contact,)
-        return Solution(
-            **common, status=Status.SOLVED, fields=fields, zones=zones, contacts=contacts, **self._records()
-        )
-
-    def _gathered(self, state: State) -> recognition.GaussData:
-        """Everything at the Gauss points, of all ranks."""
-        p, f, share = self.multipliers.p, self.multipliers.f, slip_share(state, self.pulley)
-        columns = (state.sigma, state.weights, state.theta, state.kappa, state.g, p, f, share)
-        table = self.problem.space.gather(np.concatenate([np.stack(columns, axis=-1), state.r, state.dr], axis=-1))
-        sigma, weight, theta, kappa, g, p, f, share = table[:, :8].T
-        return recognition.GaussData(
-            sigma=sigma, weight=weight, r=table[:, 8:10], dr=table[:, 10:], theta=theta, kappa=kappa, g=g, p=p, f=f,
-            share=share,
-        )  # fmt: skip
-
-    def _records(self) -> dict[str, Any]:
-        iterations = sum(stage.iterations or 0 for stage in self.stages)
-        return {"stages": tuple(self.stages), "iterations": iterations, "measures": self.measures}
-
-    def relaxed(self, why: str) -> None:
-        """First phase: frictionless with the relaxed penalty, from the taut string and its pressure T D / R."""
-        string = taut_string(self.scene)
-        if string is None:
-            raise _ContactLost("the taut string does not touch the pulley")
-        up, off = string.borders[0], string.borders[-1]
-        radius, nodes, at = self.pulley.radius, self.problem.nodes, self.problem.gauss_points()
-        D, phi = string.D(nodes), string.phi(nodes)
-        kappa = np.where((up <= nodes) & (nodes <= off), -D / radius, 0.0)
-        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), kappa])
-        self._set_state(np.column_stack([string.r(nodes), phi]), slopes)
-        tension = self.scene.belt.extensional_stiffness * float(np.mean(string.strain))
-        pressure = np.where((up <= at) & (at <= off), tension * float(np.mean(D)) / radius, 0.0)
-        self.multipliers = Multipliers(p=pressure, f=np.zeros_like(at))
-        with self._stage("relaxed", why) as stage:
-            stage.iterations = self._newton()
-            self._update(self.problem.state(), friction=0.0)
-
-    def warm(self, fields: Fields) -> None:
-        """Skips the first phase: state and multipliers from the fields of another solution."""
-        self.stages.append(Stage(name="relaxed", why="skipped: there is an initial solution"))
-        nodes, at = self.problem.nodes, self.problem.gauss_points()
-        first, last = np.searchsorted(fields.sigma, nodes[[0, -1]])
-        # What is around this rank's part of the belt; borders of zones have two points.
-        index = np.arange(max(0, first - 3), min(len(fields.sigma), last + 3))
-        sigma, single = np.unique(fields.sigma[index], return_index=True)
-        index = index[single]
-        D, phi = fields.D[index], fields.phi[index]
-        values = np.column_stack([fields.r[index], fields.theta[index]])
-        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), fields.kappa[index]])
-        spline = CubicHermiteSpline(sigma, values, slopes)
-        self._set_state(spline(nodes), spline(nodes, 1))
-        self.multipliers = Multipliers(p=np.interp(at, fields.sigma, fields.p), f=np.interp(at, fields.sigma, fields.f))
-        self.penalty = self.penalties.full
-
-    def _set_state(self, values: Array, slopes: Array) -> None:
-        """Sets x, y, theta and their derivatives by sigma at this rank's nodes, with the clamps where they are."""
-        half = self.scene.belt.length / 2
-        for end in (-1, 1):
-            values[self.problem.nodes == end * half] = (end * self.scene.span / 2, 0.0, 0.0)
-        self.problem.space.set_state(values, slopes * self.problem.slopes[:, np.newaxis])
-
-    def frictional(self, rtol: float) -> State:
-        """Second phase: updates with friction until multipliers and penetration are at rest."""
-        friction = self.penalties.friction if self.problem.frictional else 0.0
-        growth = self.penalties.growth
-        with self._stage("frictional", "always" if friction else "always (no friction: the pressure only)") as stage:
-            for update in range(1, MAX_UPDATES + 1):
-                penalty = self.penalty
-                self.penalty = min(self.penalties.full, penalty * growth)
-                try:
-                    iterations = self._newton()
-                except NewtonError as failure:
-                    # The contact zone moves too far in one step: more updates at penalties that still converge.
-                    stage.iterations += failure.iterations
-                    growth = growth**0.5
-                    if growth < LEAST_GROWTH or self.penalty == penalty:
-                        raise
-                    self.penalty = penalty
-                    iterations = self._newton()
-                stage.iterations += iterations
-                state = self.problem.state()
-                self._update(state, friction=friction)
-                if self.told:
-                    self._tell(update, iterations, state)
-                if self.penalty == self.penalties.full and self._at_rest(rtol, iterations):
-                    return state
-            raise _UpdatesDiverged(f"{MAX_UPDATES} updates left {self.measures}")
-
-    def _at_rest(self, rtol: float, iterations: int) -> bool:
-        """Whether multipliers and penetration are, or rounding leaves nothing to do.
-
-        Where Newton's method needed no iteration, the last update changed the forces by less than they are known.
-        """
-        change = max(MULTIPLIER_CHANGE_PER_RTOL * rtol, self.measures["rounding"])
-        unchanged = iterations == 0 or self.measures["multiplier_change"] <= change
-        return unchanged and self.measures["penetration"] <= PENETRATION_TOL
-
-    def _newton(self) -> int:
-        problem = self.problem
-        problem.set_penalty(np.minimum(self.penalty, self.limit))
-        problem.set_multipliers(self.multipliers.p, self.multipliers.f)
-        return problem.newton.solve(rtol=NEWTON_RTOL, atol=max(NEWTON_ATOL, np.linalg.norm(self.rounding)))
-
-    def _update(self, state: State, *, friction: float) -> None:
-        """Updates the multipliers and measures their change and the penetration, both relative."""
-        old = self.multipliers
-        penalty = np.minimum(self.penalty, self.limit)
-        new = self.multipliers = old.updated(state, self.pulley, penalty=penalty, friction=friction)
-        comm, weights = self.problem.space.comm, state.weights
-        blur = BLUR * EPS * self.pulley.radius * penalty * (new.p > 0.0)
-        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p, blur)
-        sums = np.array([np.sum(weights * part) for part in parts])
-        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
-        comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
-        comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
-        dp, df, total, blurred = sums
-        if total == 0.0:
-            raise _ContactLost("no Gauss point is in contact")
-        self.measures = {
-            "multiplier_change": float(max(dp, df) / total),
-            "penetration": float(deepest.item() / self.pulley.radius),
-            "penalty": self.penalty,
-            "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),
-        }
-
-    def _tell(self, update: int, iterations: int, state: State) -> None:
-        """Logs the course of an update, on rank 0; collective."""
-        comm, touching = self.problem.space.comm, self.multipliers.p > 0.0
-        residual, step = self.problem.newton.norms()
-        x_up = comm.allreduce(np.min(state.r[..., 0], where=touching, initial=np.inf), MPI.MIN)
-        x_off = comm.allreduce(np.max(state.r[..., 0], where=touching, initial=-np.inf), MPI.MAX)
-        if comm.rank == 0:
-            logger.info(
-                "%d elements, update %d, Newton iterations %d: residual %.1e, step %.1e, penetration %.1e, "
-                "multiplier change %.1e, contact from %.6f to %.6f Ls",
-                self.problem.elements, update, iterations, residual, step, self.measures["penetration"],
-                self.measures["multiplier_change"], x_up, x_off,
-            )  # fmt: skip
-
-    @contextlib.contextmanager
-    def _stage(self, name: str, why: str) -> Iterator[_Counter]:
-        """Notes a stage with its iterations and wall time, also where it fails."""
-        counter, began = _Counter(), time.perf_counter()
-        try:
-            yield counter
-        finally:
-            seconds = time.perf_counter() - began
-            self.stages.append(Stage(name=name, why=why, iterations=counter.iterations, seconds=seconds))
-
-
-@dataclass
-class _Counter:
-    iterations: int = 0

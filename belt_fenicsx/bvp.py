@@ -20,13 +20,14 @@ from dataclasses import replace
 import numpy as np
 
 from belt_fenicsx.bvp_answer import answer, final_stretch, seen, speed
-from belt_fenicsx.bvp_coarse import Run, State, Stopped, left, ordered, placed
+from belt_fenicsx.bvp_coarse import Run, State, left, ordered, placed
 from belt_fenicsx.bvp_collocation import COARSE, newton, refined
 from belt_fenicsx.bvp_drive import answers, driven, meets
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
 from belt_fenicsx.certificate import certified
 from belt_fenicsx.scene import Scene, SceneError, number
 from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.stages import Stopped
 from belt_fenicsx.taut_string import taut_string
 
 METHOD = "bvp"
@@ -86,7 +87,7 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: State | None) -
         ).in_units(scene, units)
     except Stopped as stopped:
         solution = replace(solution, status=stopped.status, message=stopped.message)
-    return replace(solution, stages=tuple(run.stages), iterations=run.iterations)
+    return replace(solution, stages=tuple(run.stages), iterations=run.stages.iterations)
 
 
 def _check_contact(scene: Scene) -> None:
@@ -124,16 +125,16 @@ def _warm(run: Run, initial: State | None) -> State | None:
     """An answer on the coarse mesh from a given one; None where there is none."""
     pulley = run.scene.pulleys[0]
     if initial is None or (pulley.drive == "x_trans" and not _asked_for(asked(pulley), initial.order)):
-        run.skipped("warm start", "no solution with the same zones was given")
+        run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
     problem = pose(run.scene, initial.order)
     coarse = newton(problem, initial.discrete.on(run.intervals))
-    run.ran("warm start", "from the given solution", coarse.iterations)
+    run.stages.ran("warm start", "from the given solution", coarse.iterations)
     state = ordered(run, State(initial.order, problem, coarse))
     if not answers(run, state):
         return None
-    run.skipped("taut string", "the warm start sufficed")
-    run.skipped("continuation", "the warm start sufficed")
+    run.stages.skipped("taut string", "the warm start sufficed")
+    run.stages.skipped("continuation", "the warm start sufficed")
     return state
 
 
@@ -155,7 +156,7 @@ def _refined(run: Run, state: State, rtol: float) -> tuple[State, float]:
     functional = final_stretch if run.scene.pulleys[0].drive == "omega" else speed
     while True:
         fine, error, iterations = refined(state.problem, state.discrete, functional, rtol)
-        run.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", iterations)
+        run.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", iterations)
         if not (fine.converged and error <= rtol):
             raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {left(fine)} and an error of {error:.1g}.")
         state = replace(state, discrete=fine)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field, replace
 
 from belt_fenicsx.bvp_answer import grip, plausible
@@ -12,7 +11,8 @@ from belt_fenicsx.bvp_order import Order, asked, pose, revision
 from belt_fenicsx.bvp_problem import FIRST, LAST, Problem
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, SceneError, Units
 from belt_fenicsx.scene import Slip as Sense
-from belt_fenicsx.solution import Stage, Status
+from belt_fenicsx.solution import Status
+from belt_fenicsx.stages import Stages, Stopped
 
 CONTINUATIONS = ((0.1, 0.3, 1.0), (10.0, 3.0, 1.0))  # bending stiffnesses on the way, over the belt's
 MOST_ORDERS = 8  # that are tried one after another
@@ -41,44 +41,14 @@ class Run:
         units: Its units, for messages.
         find_zones: Whether the order of the zones may change.
         intervals: Of the coarse mesh.
-        stages: What was done so far, timed one after another.
+        stages: What was done so far.
     """
 
     scene: Scene
     units: Units
     find_zones: bool = True
     intervals: int = COARSE
-    stages: list[Stage] = field(default_factory=list)
-    since: float = field(default_factory=time.perf_counter)
-
-    def ran(self, name: str, why: str, iterations: int) -> None:
-        """Adds a stage that has just ended."""
-        now = time.perf_counter()
-        self.stages.append(Stage(name=name, why=why, iterations=iterations, seconds=now - self.since))
-        self.since = now
-
-    def skipped(self, name: str, why: str) -> None:
-        """Adds a stage that the scene does not need."""
-        self.stages.append(Stage(name=name, why=why))
-
-    @property
-    def iterations(self) -> int:
-        """Newton iterations so far."""
-        return sum(stage.iterations or 0 for stage in self.stages)
-
-
-class Stopped(Exception):
-    """A solve that ends without an answer.
-
-    Attributes:
-        status: How it ended.
-        message: What was seen.
-        final: Whether finer meshes would not tell otherwise.
-    """
-
-    def __init__(self, status: Status, message: str, *, final: bool = False) -> None:
-        self.status, self.message, self.final = status, message, final
-        super().__init__(status, message)
+    stages: Stages = field(default_factory=Stages)
 
 
 def placed(run: Run) -> State:
@@ -91,10 +61,10 @@ def placed(run: Run) -> State:
     order = asked(run.scene.pulleys[0])
     problem = pose(run.scene, order)
     coarse = newton(problem, guess(problem, run.scene, run.intervals))
-    run.ran("taut string", "no plausible solution yet", coarse.iterations)
+    run.stages.ran("taut string", "no plausible solution yet", coarse.iterations)
     state = State(order, problem, coarse)
     if state.plausible and (state := ordered(run, state)).plausible:
-        run.skipped("continuation", "the first guess sufficed")
+        run.stages.skipped("continuation", "the first guess sufficed")
         return state
     _check_transition(run)
     if not plausible(problem, coarse):
@@ -109,7 +79,7 @@ def ordered(run: Run, state: State) -> State:
     """Changes the order of the zones until no bound is broken; ends where an order comes back."""
     pulley, tried, reasons, iterations = run.scene.pulleys[0], [state.order], [], 0
     if not run.find_zones:
-        run.skipped("zone order", "the order is not to change")
+        run.stages.skipped("zone order", "the order is not to change")
         return state
     while state.discrete.converged and (change := revision(state.problem, state.order, state.discrete, pulley)):
         reasons.append(change.why)
@@ -127,9 +97,9 @@ def ordered(run: Run, state: State) -> State:
         iterations += discrete.iterations
         state = State(change.order, problem, discrete)
     if reasons:
-        run.ran("zone order", "; ".join([*reasons, f"now {state.order}"]), iterations)
+        run.stages.ran("zone order", "; ".join([*reasons, f"now {state.order}"]), iterations)
     else:
-        run.skipped("zone order", "no bound is broken")
+        run.stages.skipped("zone order", "no bound is broken")
     return state
 
 
@@ -146,7 +116,7 @@ def _continued(run: Run, order: Order) -> State:
                 break
         if plausible(problem, coarse):
             break
-    run.ran("continuation", "the first guess did not lead to a plausible solution", iterations)
+    run.stages.ran("continuation", "the first guess did not lead to a plausible solution", iterations)
     return State(order, problem, coarse)
 
 
@@ -159,7 +129,7 @@ def limit(run: Run, x_trans: str, slip: Sense) -> State:
     """Pure stick or pure slip."""
     pure = Run(driven_by(run.scene, x_trans, slip), run.units, run.find_zones, run.intervals)
     state = placed(pure)
-    run.ran("limits", f"{state.order}, to compare with", pure.iterations)
+    run.stages.ran("limits", f"{state.order}, to compare with", pure.stages.iterations)
     return state
 
 

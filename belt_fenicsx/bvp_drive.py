@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
-from belt_fenicsx.bvp_coarse import Run, State, Stopped, driven_by, earliest, limit, ordered, placed
+from belt_fenicsx.bvp_coarse import Run, State, driven_by, earliest, limit, ordered, placed
 from belt_fenicsx.bvp_collocation import newton
 from belt_fenicsx.bvp_guess import divided
 from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
@@ -27,6 +27,7 @@ from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
 from belt_fenicsx.scene import Slip as Sense
 from belt_fenicsx.solution import Status
+from belt_fenicsx.stages import Stopped
 
 MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
 SLIGHT = 1e-9  # how closely pure slip has to, in the same units
@@ -105,9 +106,9 @@ def _tried(run: Run, start: State, name: str) -> State | None:
     """An answer from a first guess; None where there is none."""
     coarse = newton(start.problem, start.discrete)
     state = replace(start, discrete=coarse)
-    run.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
+    run.stages.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
     if state.plausible and answers(run, state := ordered(run, state)):
-        run.skipped("search", "the first guess sufficed")
+        run.stages.skipped("search", "the first guess sufficed")
         return state
     return None
 
@@ -180,7 +181,7 @@ def _searched(run: Run, stick: State) -> State:
         except (Stopped, SceneError):
             break
         problem = pose(run.scene, near.order)
-        run.ran("search", f"with the transition at {place:.6g} at first", search.iterations)
+        run.stages.ran("search", f"with the transition at {place:.6g} at first", search.stages.iterations)
         if state := _tried(run, replace(near, problem=problem), "search"):
             return state
         ends[int(_ahead(run, near) * ahead < 0.0)] = [place, _ahead(run, near)]

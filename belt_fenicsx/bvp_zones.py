@@ -26,8 +26,6 @@ import numpy as np
 
 from belt_fenicsx.fields import Array
 
-CONTINUOUS = ("x", "y", "phi", "theta", "kappa", "D")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rod:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.arguments import CHECK, PROGRAM, SOLVE, SWEEP, Missing, UsageError, parsed
+from belt_fenicsx.errors import NotCompiled
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import load_scene, with_values
 
@@ -47,15 +48,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _run(sys.argv[1:] if argv is None else list(argv))
     except (SceneError, UsageError) as error:
         return _complain(error, BAD_INPUT)
-    except Missing as error:
+    except (Missing, NotCompiled) as error:
         return _complain(error, FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted.", INTERRUPTED)
-    except Exception as error:
-        from belt_fenicsx.solution import NotCompiled
-
-        if isinstance(error, NotCompiled):
-            return _complain(error, FAILED)
+    except Exception:
         # Whatever it is, the other ranks would wait for this one; it is raised again.
         _abort_other_ranks()
         raise

@@ -17,6 +17,7 @@ estimate of the error that it leaves.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -30,10 +31,11 @@ from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
 from belt_fenicsx.fitted_limits import check_limits, near_by
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
-from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, Stopped, meets, starts
+from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, meets, starts
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.stages import Stopped
 
 METHOD = "fitted"
 HIGHEST = 14
@@ -51,6 +53,7 @@ BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state 
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
 MOST_CHANGES = 6  # of the order of zones
+UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)  # from another start, there may be an answer
 
 
 def solve(
@@ -90,8 +93,9 @@ def solve(
     dimensionless, units = scene.dimensionless()
     run = Run(scene, dimensionless, units, elements, newton(tuple(sorted((options or {}).items()))))
     solution = solved(run, initial, rtol, degree)
-    if not solution.success:
-        check_limits(scene, solve)
+    if solution.status in UNFINISHED:
+        if solution.contacts:
+            check_limits(scene, solve)
         if initial is None and (near := near_by(scene, solve)) is not None:
             asked = {"rtol": rtol, "elements": elements, "degree": degree, "options": options}
             again = solve(scene, **asked, initial=near, throw=False)
@@ -114,7 +118,7 @@ def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) 
         return _ended(run, status=stopped.status, message=stopped.message)
     status = Status.SOLVED if degree is not None or estimate <= rtol else Status.ACCURACY_NOT_REACHED
     found_there = answer(run.scene, state)
-    run.ran("answer", "fields between the nodes")
+    run.stages.ran("answer", "fields between the nodes")
     solution = _ended(
         run,
         status=status,
@@ -129,8 +133,8 @@ def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) 
 
 
 def _ended(run: Run, **what_there_is: Any) -> Solution:
-    iterations = sum(stage.iterations or 0 for stage in run.stages)
-    return Solution(scene=run.asked, method=METHOD, stages=tuple(run.stages), iterations=iterations, **what_there_is)
+    stages = run.stages
+    return Solution(scene=run.asked, method=METHOD, stages=tuple(stages), iterations=stages.iterations, **what_there_is)
 
 
 def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> tuple[State, float, float]:
@@ -149,7 +153,7 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
                 result = raised(run, finer(run, result[0]), rtol, degree)
             return result
         except Stopped as stopped:
-            if stopped.status not in (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE):
+            if stopped.status not in UNFINISHED:
                 raise
             if failure is None:
                 check_limits(run.asked, solve)
@@ -197,7 +201,8 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
                 # Other zones are not found where friction is known too coarsely: a higher degree goes on from the same.
                 continue
             if state.mesh.zones != higher.mesh.zones:
-                change_before = 0.0
+                # What is known of the error is that of other zones.
+                change_before, estimate = 0.0, math.inf
                 continue
         if final:
             break
@@ -219,7 +224,7 @@ def reviewed(run: Run, state: State, error: float) -> State:
     for _ in range(MOST_CHANGES):
         called = change(run.scene, state, error)
         if called is None:
-            run.skipped("other zones", "Coulomb's bound holds in stick, and the sense of sliding in slip")
+            run.stages.skipped("other zones", "Coulomb's bound holds in stick, and the sense of sliding in slip")
             return state
         state = run.on(called.zones, called.ends, state, called.why, degree=state.degree)
     return state

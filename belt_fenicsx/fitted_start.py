@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -24,7 +23,8 @@ from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import SHORTEST, transition
 from belt_fenicsx.fitted_state import State, from_fields, from_string
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
-from belt_fenicsx.solution import Solution, Stage, Status
+from belt_fenicsx.solution import Solution, Status
+from belt_fenicsx.stages import Stages, Stopped
 from belt_fenicsx.taut_string import TautString, taut_string
 from belt_fenicsx.zones import STICK, Part, Zones, bending_layer, ordered, posed
 
@@ -39,19 +39,6 @@ PRESSED = 2.0  # bending layers, in the free span of a belt that its clamp press
 COARSE = 80  # elements of the augmented Lagrangian
 
 
-class Stopped(RuntimeError):
-    """The solve ends without an answer.
-
-    Attributes:
-        status: How it ended.
-        message: What was seen.
-    """
-
-    def __init__(self, status: Status, message: str) -> None:
-        self.status, self.message = status, message
-        super().__init__(status, message)
-
-
 @dataclass
 class Run:
     """A solve that is under way.
@@ -63,7 +50,6 @@ class Run:
         elements: Number of cells; None for as many as the layers call for.
         solver: The solver of Newton's iterations.
         stages: What was done so far.
-        since: When the last stage ended.
     """
 
     asked: Scene
@@ -71,23 +57,12 @@ class Run:
     units: Units
     elements: int | None
     solver: Newton
-    stages: list[Stage] = field(default_factory=list)
-    since: float = field(default_factory=time.perf_counter)
-
-    def ran(self, name: str, why: str, iterations: int = 0) -> None:
-        """Adds a stage that has just ended."""
-        now = time.perf_counter()
-        self.stages.append(Stage(name=name, why=why, iterations=iterations, seconds=now - self.since))
-        self.since = now
-
-    def skipped(self, name: str, why: str) -> None:
-        """Adds a stage that the scene did not need."""
-        self.stages.append(Stage(name=name, why=why))
+    stages: Stages = field(default_factory=Stages)
 
     def newton(self, state: State, why: str, *, arrived: float = ARRIVED, held: bool = False) -> State:
         """Newton's iteration from a state, with elements of its degree; its first step may hold the borders."""
         result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
-        self.ran(f"degree {state.degree}", why, abs(iterations))
+        self.stages.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
             message = f"At degree {state.degree}, after {-iterations} iterations from {why}."
             raise Stopped(Status.NEWTON_DIVERGED, message)
@@ -131,7 +106,7 @@ def _bent(run: Run, *, held: bool = True) -> State:
     if pressed is not None:
         string, held = taut_string(run.scene, pressed) or string, True
     start = from_string(run.scene, string, posed(run.scene), LOWEST, run.elements)
-    run.ran("taut string", "first guess")
+    run.stages.ran("taut string", "first guess")
     return run.newton(start, "the taut string", held=held)
 
 
@@ -166,7 +141,7 @@ def _warm(run: Run, initial: Solution) -> State:
     """From a given solution, whatever its method."""
     contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
     if initial.fields is None or not _fits(run.scene, contact):
-        run.skipped("warm start", "the given solution has other zones")
+        run.stages.skipped("warm start", "the given solution has other zones")
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
     zones, old, why = ordered(run.scene, contact), initial.state, "the given solution"
     if isinstance(old, State):
@@ -179,7 +154,7 @@ def _warm(run: Run, initial: Solution) -> State:
         units = initial.scene.dimensionless()[1].inverse()
         ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
         state = run.on(zones, ends, initial.fields.in_units(units), why)
-    run.skipped("taut string", "a solution was given to start from")
+    run.stages.skipped("taut string", "a solution was given to start from")
     return state
 
 
@@ -230,7 +205,7 @@ def _driven(run: Run) -> State:
         try:
             return run.on(zones, np.insert(stick.ends, 2, place), stick, "pure stick")
         except Stopped:
-            run.skipped("pure stick", "it led nowhere")
+            run.stages.skipped("pure stick", "it led nowhere")
     slid = run.on(ordered(run.scene, [Part("slip", slip)]), stick.ends, stick, "pure stick, now sliding all along")
     if meets(run, slid):
         return slid
@@ -305,7 +280,7 @@ def _found(run: Run) -> State:
     # Other ranks may be at other scenes.
     coarse = augmented_lagrangian.solve(run.scene, elements=COARSE, rtol=1e-6, comm=MPI.COMM_SELF, throw=False)
     why = "Newton's iteration failed from the taut string; this finds the zones"
-    run.ran("augmented Lagrangian", why, coarse.iterations)
+    run.stages.ran("augmented Lagrangian", why, coarse.iterations)
     contact = [Part(zone.kind, zone.slip) for zone in coarse.zones[1:-1]]
     ends = np.array([zone.sigma[0] for zone in coarse.zones] + [run.scene.belt.length / 2])
     if coarse.fields is None or not _fits(run.scene, contact) or np.diff(ends).min() <= 0.0:

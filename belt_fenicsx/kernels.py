@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import ufl
-from cffi import VerificationError
 from ffcx.codegeneration import jit
 
+from belt_fenicsx.errors import compiling
 from belt_fenicsx.fields import Array
-from belt_fenicsx.solution import NotCompiled
 
 COMPILER_FLAGS = ["-O2", "-g0"]
 PATIENCE = 120  # seconds, for another process that compiles the same forms
@@ -72,11 +71,8 @@ def compiled(*forms: ufl.Form) -> tuple[Kernel, ...]:
         NotCompiled: The compiler or the folder fails.
     """
     cache = Path(os.getenv("XDG_CACHE_HOME", Path.home() / ".cache")).expanduser() / "fenics"
-    try:
+    with compiling(cache):
         compiled_forms, module, _ = jit.compile_forms(
             list(forms), cache_dir=cache, timeout=PATIENCE, cffi_extra_compile_args=COMPILER_FLAGS
         )
-    except (OSError, ImportError, VerificationError) as error:
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise NotCompiled(f"the forms could not be compiled into {cache} ({problem})") from error
     return tuple(Kernel(form, module.ffi) for form in compiled_forms)

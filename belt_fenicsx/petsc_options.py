@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from petsc4py import PETSc
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 PREFIX = "belt_"
 
@@ -15,6 +16,8 @@ def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mappin
 
     The options database is global: what was put there for this solver is taken out again.
     """
+    from petsc4py import PETSc
+
     database = PETSc.Options()
     wanted = {PREFIX + key: value for key, value in {**defaults, **(options or {})}.items()}
     added = [key for key in wanted if not database.hasName(key)]

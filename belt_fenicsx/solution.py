@@ -309,10 +309,6 @@ class SolveError(RuntimeError):
         return " ".join(part for part in parts if part)
 
 
-class NotCompiled(RuntimeError):
-    """The forms could not be compiled: there is no compiler that works, or no folder to keep its results in."""
-
-
 def finish(solution: Solution, *, throw: bool) -> Solution:
     """Gives back a good solution; raises for another one, or gives it back too where ``throw`` is false.
 

@@ -18,12 +18,10 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.files import from_plain, to_plain, versions
+from belt_fenicsx.petsc_options import PREFIX
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.scene_file import scene_to_dict
 from belt_fenicsx.solution import Solution
-
-# Of the Newton solvers' options, as in `petsc_options`, which a sweep by the BVP must not load.
-PREFIX = "belt_"
 
 
 def keys(scenes: Sequence[Scene], arguments: Mapping[str, Any]) -> list[str]:

@@ -33,6 +33,7 @@ AGREEMENT = 1e-7
 # The moment is the difference of two tensions: by collocation it needs a tighter tolerance of omega than by elements.
 FITTED_RTOL, BVP_RTOL = 1e-9, 1e-11
 AGREED, SAME_REFUSAL = "agreed", "refused by both for the same reason"
+SLOWEST = 3  # scenes that are named
 
 
 # %% [markdown]
@@ -174,10 +175,16 @@ def report(outcomes: list[Outcome]) -> str:
     lines += [
         f"Agreed: {len(agreed)} of {solvable} scenes that were not refused by both.",
         f"Largest difference among them: {max((result.difference for result in agreed), default=0.0):.1e}.",
-        f"Median time {1e3 * np.median(fem):.1f} ms (fitted) and {1e3 * np.median(reference):.1f} ms (BVP); slowest "
-        f"{1e3 * fem.max():.0f} ms and {1e3 * reference.max():.0f} ms.",
+        f"Median time {1e3 * np.median(fem):.1f} ms (fitted) and {1e3 * np.median(reference):.1f} ms (BVP).",
+        f"Slowest: {slowest(fem, outcomes)} (fitted); {slowest(reference, outcomes)} (BVP).",
     ]
     return "\n".join(lines)
+
+
+def slowest(seconds: np.ndarray, outcomes: list[Outcome]) -> str:
+    """The slowest scenes, each with its number."""
+    worst = np.argsort(seconds)[::-1][:SLOWEST]
+    return ", ".join(f"scene {outcomes[i].number} in {1e3 * seconds[i]:.0f} ms" for i in worst)
 
 
 def failures(outcomes: list[Outcome]) -> list[Outcome]:

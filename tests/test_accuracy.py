@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("dolfinx")
-
-from belt_fenicsx import Scene, SceneError, bvp, solve  # noqa: E402
+from belt_fenicsx import Scene, SceneError, bvp, solve
 
 pytestmark = pytest.mark.serial
 DEMOS = Path(__file__).parent.parent / "demos"

@@ -137,13 +137,14 @@ def test_mirror_with_reversed_travel_exchanges_the_senses_of_slip():
     assert right.torque == pytest.approx(-left.torque, rel=1e-8)
 
 
-@pytest.mark.parametrize("scale", [1e-1, 1e1, 1e2, 1e3])
+@pytest.mark.parametrize("scale", [1e-1, 1e1, 1e2, 1e3, 1e4])
 def test_answer_does_not_depend_on_the_penalty(published, scale):
     assert solve_fixed(Scene(), penalty_scale=scale).omega == pytest.approx(published.omega, rel=1e-8)
 
 
-def test_too_soft_a_penalty_is_no_answer():
-    solution = solve_fixed(Scene(), penalty_scale=1e-3, throw=False)
+@pytest.mark.parametrize("scale", [1e-4, 1e-3, 1e-2])
+def test_too_soft_a_penalty_is_no_answer(scale):
+    solution = solve_fixed(Scene(), penalty_scale=scale, throw=False)
     assert solution.status is Status.MULTIPLIERS_DIVERGED
     assert "200 updates left" in solution.message
 

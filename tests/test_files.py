@@ -5,10 +5,13 @@ import io
 import json
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
+from mpi4py import MPI
 
-from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene
+from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene, solve
+from belt_fenicsx import augmented_lagrangian as fixed
 from belt_fenicsx.files import export, fields_csv, load, replaced, save, write_centreline
 
 serial = pytest.mark.serial
@@ -39,7 +42,6 @@ def test_a_failed_solution_comes_back_too(tmp_path):
 
 @serial
 def test_a_loaded_solution_is_a_warm_start(solution, tmp_path):
-    fixed = pytest.importorskip("belt_fenicsx.augmented_lagrangian")
     cold = fixed.solve(Scene())
     save(cold, tmp_path / "result.npz")
     warm = fixed.solve(Scene(), initial=load(tmp_path / "result.npz"))
@@ -75,7 +77,6 @@ def test_csv_has_units_and_reads_back(solution):
 @serial
 @pytest.mark.parametrize("suffix", ["vtu", "vtk"])
 def test_centreline_reads_back(suffix, solution, tmp_path):
-    meshio = pytest.importorskip("meshio")
     path = tmp_path / f"belt.{suffix}"
     write_centreline(solution, path)
     mesh = meshio.read(path)
@@ -88,8 +89,6 @@ def test_centreline_reads_back(suffix, solution, tmp_path):
 
 @serial
 def test_a_folder_reproduces_its_result(solution, tmp_path):
-    pytest.importorskip("meshio")
-    pytest.importorskip("tomli_w")
     export(solution, tmp_path / "out")
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["belt.vtu", "fields.csv", "result.json", "result.npz", "scene.toml", "versions.json"]
@@ -113,8 +112,6 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
 
 @serial
 def test_command_line_writes_the_folder(tmp_path, capsys):
-    pytest.importorskip("meshio")
-    pytest.importorskip("tomli_w")
     assert cli.main(["--method", "bvp", "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "result.npz").exists()
     (tmp_path / "file").write_text("")
@@ -123,14 +120,11 @@ def test_command_line_writes_the_folder(tmp_path, capsys):
 
 
 def test_ranks_write_each_file_once_and_its_values_come_back(tmp_path):
-    world, solver = (pytest.importorskip(name) for name in ("mpi4py.MPI", "belt_fenicsx.solver"))
-    meshio = pytest.importorskip("meshio")
-    pytest.importorskip("tomli_w")
-    comm = world.COMM_WORLD
+    comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path, root=0) / "out"
     assert cli.main(["--method", "augmented-lagrangian", "--elements", "60", "--out", str(folder)]) == 0
     comm.Barrier()
-    fields = solver.solve(Scene(), method="augmented-lagrangian", elements=60).fields
+    fields = solve(Scene(), method="augmented-lagrangian", elements=60).fields
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["belt.vtu", "fields.csv", "result.json", "result.npz", "scene.toml", "versions.json"]
 

@@ -9,21 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from belt_fenicsx import bvp, fitted, fitted_forms
+from belt_fenicsx.condensed import Condensed, local
+from belt_fenicsx.fitted_answer import fields_at
+from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points
+from belt_fenicsx.fitted_newton import iteration_on, newton, switches
+from belt_fenicsx.fitted_start import Run, _found
+from belt_fenicsx.fitted_state import from_string
 from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError
 from belt_fenicsx.solution import Solution, SolveError, Status
-
-pytest.importorskip("dolfinx")
-
-from belt_fenicsx import bvp, fitted, fitted_forms  # noqa: E402
-from belt_fenicsx.condensed import Condensed, local  # noqa: E402
-from belt_fenicsx.fitted_answer import fields_at  # noqa: E402
-from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points  # noqa: E402
-from belt_fenicsx.fitted_newton import iteration_on, newton, switches  # noqa: E402
-from belt_fenicsx.fitted_start import Run, _found  # noqa: E402
-from belt_fenicsx.fitted_state import from_string  # noqa: E402
-from belt_fenicsx.sweeps import sweep  # noqa: E402
-from belt_fenicsx.taut_string import taut_string  # noqa: E402
-from belt_fenicsx.zones import posed  # noqa: E402
+from belt_fenicsx.sweeps import sweep
+from belt_fenicsx.taut_string import taut_string
+from belt_fenicsx.zones import posed
 
 OMEGA = 1.4807092526223  # by this method at degree 14 and by collocation of the boundary-value problem
 

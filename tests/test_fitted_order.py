@@ -10,18 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from belt_fenicsx import bvp, fitted
+from belt_fenicsx.condensed import Condensed, local
+from belt_fenicsx.fitted_answer import fields_at
+from belt_fenicsx.fitted_newton import newton
+from belt_fenicsx.fitted_state import from_fields, from_string
 from belt_fenicsx.scene import Belt, Scene, SceneError
 from belt_fenicsx.solution import Status
-
-pytest.importorskip("dolfinx")
-
-from belt_fenicsx import bvp, fitted  # noqa: E402
-from belt_fenicsx.condensed import Condensed, local  # noqa: E402
-from belt_fenicsx.fitted_answer import fields_at  # noqa: E402
-from belt_fenicsx.fitted_newton import newton  # noqa: E402
-from belt_fenicsx.fitted_state import from_fields, from_string  # noqa: E402
-from belt_fenicsx.taut_string import taut_string  # noqa: E402
-from belt_fenicsx.zones import STICK, Part, ordered, posed  # noqa: E402
+from belt_fenicsx.taut_string import taut_string
+from belt_fenicsx.zones import STICK, Part, ordered, posed
 
 DEMOS = Path(__file__).parent.parent / "demos"
 

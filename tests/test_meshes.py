@@ -3,6 +3,7 @@
 import importlib.util
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -18,7 +19,6 @@ MESHES = Path(__file__).parent.parent / "meshes"
 
 @pytest.fixture(scope="module")
 def make():
-    pytest.importorskip("meshio")
     spec = importlib.util.spec_from_file_location("make", MESHES / "make.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -40,7 +40,6 @@ def test_files_are_what_their_script_makes(make):
     ("suffix", "options"), [(".xdmf", {"data_format": "XML"}), (".vtu", {}), (".msh", {"file_format": "gmsh"})]
 )
 def test_formats_of_other_tools(make, suffix, options, tmp_path, capfd):
-    meshio = pytest.importorskip("meshio")
     if suffix == ".xdmf":
         pytest.importorskip("h5py")
     positions = make.graded(30)
@@ -139,7 +138,6 @@ def test_bad_meshes(name):
 @pytest.mark.serial
 @pytest.mark.parametrize(("suffix", "content"), [(".txt", "a b\n"), (".msh", "nothing"), (".unknown", "1\n2\n")])
 def test_files_that_are_no_meshes(suffix, content, tmp_path):
-    pytest.importorskip("meshio")
     path = tmp_path / f"mesh{suffix}"
     path.write_text(content)
     with pytest.raises(SceneError, match="`mesh` must name a file of positions or a mesh that meshio reads"):
@@ -148,7 +146,6 @@ def test_files_that_are_no_meshes(suffix, content, tmp_path):
 
 @pytest.mark.serial
 def test_a_mesh_that_is_no_line(tmp_path):
-    meshio = pytest.importorskip("meshio")
     points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     meshio.Mesh(points, [("triangle", [[0, 1, 2]])]).write(tmp_path / "triangle.vtu")
     with pytest.raises(SceneError, match="cells of the type line, got triangle"):

@@ -33,13 +33,11 @@ def test_bvp_is_a_submodule():
 
 
 def test_solve_is_a_function():
-    pytest.importorskip("dolfinx")
     assert callable(belt_fenicsx.solve)
 
 
 @pytest.mark.serial
 def test_solve_stays_a_function_after_its_module_was_imported():
-    pytest.importorskip("dolfinx")
     code = """
 import importlib, belt_fenicsx
 importlib.import_module(belt_fenicsx.solve.__module__)

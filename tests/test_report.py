@@ -62,7 +62,6 @@ def test_solutions_compare_by_their_values():
 
 
 def test_html_is_a_table_with_a_figure(solution):
-    pytest.importorskip("matplotlib")
     page = solution._repr_html_()
     parts = Parts(page)
     assert parts.open == []

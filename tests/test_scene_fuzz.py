@@ -1,15 +1,13 @@
 """Whatever plain data or text comes in: a scene, or a `SceneError` that can be shown."""
 
+from dataclasses import fields
+
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError, StiffnessBelt
 from belt_fenicsx.scene_file import parse_assignment, scene_from_dict, scene_to_dict, with_values
-
-pytest.importorskip("hypothesis")
-from dataclasses import fields  # noqa: E402
-
-from hypothesis import HealthCheck, given, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
 
 pytestmark = pytest.mark.serial
 

@@ -7,8 +7,10 @@ import json
 
 import numpy as np
 import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
 
-from belt_fenicsx import Pulley, Scene, SceneError, Status, bvp, sweep, sweep_parts
+from belt_fenicsx import Pulley, Scene, SceneError, Status, bvp, solve, sweep, sweep_parts
 from belt_fenicsx.sweep_ranks import shares
 
 PLACES = (-0.1, 0.0, 0.1)
@@ -17,7 +19,7 @@ MANY = tuple(np.linspace(-0.1, 0.1, 9))
 
 @pytest.fixture
 def comm():
-    return pytest.importorskip("mpi4py.MPI").COMM_WORLD
+    return MPI.COMM_WORLD
 
 
 @pytest.fixture
@@ -135,7 +137,6 @@ def test_each_scene_is_solved_once(comm):
 
 
 def test_finite_elements_solve_each_scene_on_one_rank(comm):
-    solve = pytest.importorskip("belt_fenicsx.solver").solve
     options = {"method": "augmented-lagrangian", "elements": 50}
     together, alone = over_ranks(comm, solve, **options), over_ranks(None, solve, **options)
     assert together["omega"] == pytest.approx(alone["omega"], rel=1e-8)
@@ -248,7 +249,6 @@ def test_answers_are_those_of_one_version_and_of_the_same_options(monkeypatch):
     other = np.where(np.arange(3001) == 1500, 1e-5, positions)
     assert name(mesh=positions) == name(mesh=positions.copy()) != name(mesh=other)
 
-    PETSc = pytest.importorskip("petsc4py.PETSc")
     before, options = name(), PETSc.Options()
     for option, matters in (("belt_snes_max_it", True), ("log_view_of_nobody", False)):
         options[option] = 7
