@@ -24,7 +24,7 @@ def compiling(cache: Path | None = None) -> Iterator[None]:
         yield
     except (OSError, ImportError, VerificationError, RuntimeError) as error:
         # As which DOLFINx raises the others again, on several ranks.
-        if isinstance(error, RuntimeError) and "just-in-time" not in str(error):
+        if isinstance(error, RuntimeError) and "compilation" not in str(error):
             raise
         where = f" into {cache}" if cache else ""
         problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
