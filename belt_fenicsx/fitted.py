@@ -49,6 +49,7 @@ CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
 SHORT = 0.012
 ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
+BENDING = 300.0  # in that of a bending force there, which is the larger one from some hundred cells on
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
@@ -149,7 +150,7 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
             result = raised(run, start(run), rtol, degree)
             if not meets(run, result[0]):
                 continue
-            if degree is None and result[1] > rtol > rounding(result[0]):
+            if degree is None and result[1] > rtol > rounding(run.scene, result[0]):
                 result = raised(run, finer(run, result[0]), rtol, degree)
             return result
         except Stopped as stopped:
@@ -186,12 +187,12 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
             raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, higher))
         change_of_known = abs(1.0 - _known(run.scene, state) / _known(run.scene, higher))
         left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT_FIRST
-        estimate = max(left * change_of_known, rounding(higher))
+        estimate = max(left * change_of_known, rounding(run.scene, higher))
         state, change_before = higher, change_of_p
         early = k == lowest or (change_of_p <= COARSEST and not judged)
         if early and k < last:
             early = not calm(run.scene, higher)
-        known = estimate <= max(rtol, rounding(state)) and change_of_p <= COARSEST
+        known = estimate <= max(rtol, rounding(run.scene, state)) and change_of_p <= COARSEST
         final = k >= last and (known or k == degree)
         if early or (final and k < (degree or HIGHEST)):
             judged = change_of_p <= COARSEST
@@ -236,9 +237,11 @@ def finer(run: Run, state: State) -> State:
     return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough")
 
 
-def rounding(state: State) -> float:
-    """Rounding error of the angular velocity: that of slopes where two short cells meet on the pulley."""
-    return float(ROUNDING * np.finfo(float).eps / state.length.min())
+def rounding(scene: Scene, state: State) -> float:
+    """Rounding error of the angular velocity: that of slopes, and of forces by bending, in the shortest cells."""
+    shortest, belt = state.length.min(), scene.belt
+    bending = belt.bending_stiffness / belt.extensional_stiffness
+    return float(np.finfo(float).eps * (ROUNDING / shortest + BENDING * bending / shortest**2))
 
 
 def _known(scene: Scene, state: State) -> float:

@@ -142,10 +142,10 @@ def against_size(repeats: int) -> list[Sized]:
             times.append(last.seconds / last.iterations)
         rows.append(Sized(FIXED, 6 * (elements + 1), median(times[1:])))
     dimensionless, _ = scene.dimensionless()
-    for elements in (12, 24, 48, 96):
+    for elements in (12, 24, 96, 384, 1536, 4096):
         state = solve_fitted(scene, degree=DEGREE, elements=elements, throw=False).state
         times = []
-        for _ in range(10 * repeats):
+        for _ in range(3 * repeats):
             began = time.perf_counter()
             _, iterations = newton(()).solve(dimensionless, state, math.inf)
             times.append((time.perf_counter() - began) / iterations)

@@ -29,9 +29,10 @@ def scene(belt=None, **pulley):
     return Scene(belt=Belt(**(belt or {})), pulleys=(Pulley(**pulley),))
 
 
-def started(case=None, degree=3):
+def started(case=None, degree=3, elements=None):
     dimensionless, _ = (case or Scene()).dimensionless()
-    return dimensionless, from_string(dimensionless, taut_string(dimensionless), posed(dimensionless), degree)
+    string = taut_string(dimensionless)
+    return dimensionless, from_string(dimensionless, string, posed(dimensionless), degree, elements)
 
 
 def iterated(dimensionless, state):
@@ -273,7 +274,7 @@ def test_frictionless_belt_has_no_friction_unknowns_and_no_friction_in_its_forms
     dimensionless, state = started(scene(friction=0.0))
     without, with_friction = (Condensed(state.mesh, 3, friction) for friction in (False, True))
     assert without.count < with_friction.count
-    assert np.all(without.numbers[:, local(3).f] == without.size)
+    assert np.all(without.numbers[:, local(3).f] == without.held)
     iteration = iterated(dimensionless, state)
     iteration.jacobians()
     jacobians, _ = iteration.condensed.cells
@@ -351,9 +352,10 @@ def test_no_step_lets_borders_cross(monkeypatch):
     assert min(seen) > 0.0
 
 
-@pytest.mark.parametrize("degree", [3, 6])
-def test_step_solves_the_linearised_equations(degree):
-    dimensionless, state = started(degree=degree)
+@pytest.mark.parametrize("friction", [0.5, 0.0])
+@pytest.mark.parametrize(("degree", "elements"), [(3, None), (6, None), (3, 17), (4, 33), (4, 63)])
+def test_step_solves_the_linearised_equations(degree, elements, friction):
+    dimensionless, state = started(scene(friction=friction), degree, elements)
     iteration = iterated(dimensionless, state)
     condensed, at = iteration.condensed, local(degree)
     iteration.values += 1e-4 * np.sin(np.arange(condensed.numbers.max() + 1.0))[condensed.numbers]
@@ -366,9 +368,16 @@ def test_step_solves_the_linearised_equations(degree):
     step[:, at.sigma] = (weights @ np.stack([ends[zone], ends[zone + 1]], axis=1)[..., None])[..., 0]
     left = np.zeros(condensed.count)
     np.add.at(left, condensed.numbers, (jacobians @ step[..., None])[..., 0] + residuals)
-    left[condensed.size] = 0.0
+    left[condensed.held] = 0.0
     assert np.abs(left).max() < 1e-9 * max(1.0, np.abs(jacobians).max() * np.abs(step).max())
     assert not step[0, [*at.r[0], at.theta[0]]].any() and not step[-1, [*at.r[1], at.theta[1]]].any()
+
+
+@pytest.mark.parametrize("thickness", [0.05, 0.005])
+def test_estimate_knows_the_rounding_error_of_many_short_cells(thickness):
+    case = scene({"thickness": thickness})
+    exact, solution = fitted.solve(case, rtol=1e-10).omega, fitted.solve(case, elements=1000, degree=6)
+    assert abs(solution.omega / exact - 1.0) < solution.error_estimate < 1e-8
 
 
 def test_jacobian_is_the_residuals_derivative():
