@@ -75,7 +75,7 @@ def residual(
 ) -> ufl.Form:
     """Weak equilibrium, the pulley's conditions at the Gauss points, and the conditions at the borders."""
     deviation, theta, p, f, sigma, D_stick = ufl.split(unknown)
-    (eta,) = ufl.SpatialCoordinate(unknown.ufl_domain())
+    (eta,) = ufl.SpatialCoordinate(unknown.ufl_function_space().ufl_domain())
     start, along = (ufl.as_vector([chord[i], chord[i + 1]]) for i in (0, 2))
     way = eta * along + deviation
     r = start + way

@@ -19,7 +19,7 @@ from ffcx.codegeneration import jit
 from belt_fenicsx.errors import compiling
 from belt_fenicsx.fields import Array
 
-# As fast as -O2, of which they take two thirds of the time: without its analysis of value ranges, -O1 is a third slower.
+# Code as fast as that by -O2, in two thirds of its time; without the analysis of value ranges it is a third slower.
 COMPILER_FLAGS = ["-O1", "-ftree-vrp", "-g0"]
 PATIENCE = 120  # seconds, for another process that compiles the same forms
 UNIT_CELL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
