@@ -7,6 +7,7 @@ wrong is reported as a `SceneError` that names the field by its whole path.
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -162,6 +163,7 @@ def _made(kind: type, values: Mapping[str, Any], path: str) -> Any:
         raise error.within(path) from None
 
 
+@functools.cache
 def _names(kind: type) -> dict[str, None]:
     return dict.fromkeys(f.name for f in fields(kind))
 
@@ -198,6 +200,5 @@ def _parent(data: dict[str, Any], path: str) -> tuple[Any, str]:
 
 def _plain(value: Any) -> Any:
     if is_dataclass(value):
-        items = ((f.name, getattr(value, f.name)) for f in fields(value))
-        return {name: _plain(item) for name, item in items if item is not None}
+        return {name: _plain(item) for name, item in vars(value).items() if item is not None}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

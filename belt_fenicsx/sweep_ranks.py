@@ -134,7 +134,9 @@ class Ranks:
         """
         self._window.Free()
         self._raise_first(error)
-        return {index: result for part in self._comm.allgather(mine) for index, result in part.items()}
+        parts = self._comm.allgather(pickle.dumps(mine))
+        others = (pickle.loads(part) for rank, part in enumerate(parts) if rank != self.rank)
+        return mine | {index: result for part in others for index, result in part.items()}
 
     def _raise_first(self, error: BaseException | None) -> None:
         for other in self._comm.allgather(_portable(error)):

@@ -5,7 +5,9 @@
 # rank. Every run is a process (or an mpirun) of its own. Time is that of the solve, or of the sweep, after the forms
 # were compiled. Memory is the largest that a rank ever held; for each element, what it was more than after a first
 # small solve. Fine meshes need few Newton iterations, as the coarser mesh before left little to do: so the table has
-# their number, too.
+# their number, too, and below it what each of the meshes on the way to the finest one took.
+#
+# What ranks can gain at most is for the machine to say: two processes that share nothing, at the same time, show it.
 #
 #     python demos/benchmark_parallel.py            prints the table
 #     python demos/benchmark_parallel.py --readme   writes it into the README, too
@@ -21,6 +23,7 @@ import sys
 import time
 from collections.abc import Sequence
 from statistics import median
+from typing import Any
 
 import numpy as np
 from readme import write_into_readme
@@ -55,6 +58,20 @@ def elements(count: int) -> dict[str, float]:
     }
 
 
+def meshes(count: int) -> dict[str, list[tuple[int, int, float]]]:
+    """Elements, Newton iterations and microseconds for each element, of all meshes on the way to a fine one."""
+    from belt_fenicsx import Scene, solve
+
+    rows = []
+    for stage in solve(Scene(), method="augmented-lagrangian", elements=count).stages:
+        # Called "frictional, 62500 elements" on the way, "frictional" at its end.
+        name, _, where = stage.name.partition(", ")
+        if name == "frictional":
+            n = int(where.split()[0]) if where else count
+            rows.append((n, stage.iterations, 1e6 * stage.seconds / n))
+    return {"meshes": rows}
+
+
 def held() -> int:
     """Largest memory that this process ever held [bytes]."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -82,7 +99,7 @@ def run_rank(what: str, count: int) -> None:
 
     logging.basicConfig(level=logging.WARNING)
     logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
-    measures = {"elements": elements, "scenes": scenes}[what](count)
+    measures = {"elements": elements, "scenes": scenes, "meshes": meshes}[what](count)
     most = MPI.COMM_WORLD.allreduce(held(), MPI.MAX)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps({**measures, "bytes": most}))
@@ -99,12 +116,29 @@ def measured(what: str, count: int) -> list[dict[str, float]]:
     return [{name: median(run[name] for run in own) for name in own[0]} for own in zip(*runs, strict=True)]
 
 
-def measured_once(what: str, count: int, ranks: int) -> dict[str, float]:
+def measured_once(what: str, count: int, ranks: int) -> dict[str, Any]:
     """Measures of a run."""
-    command = [sys.executable, __file__, "--rank", what, "--count", str(count)]
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    result = subprocess.run([*launcher, *command], check=True, stdout=subprocess.PIPE, text=True, timeout=SECONDS)
-    return json.loads(result.stdout.splitlines()[-1])
+    (measures,) = at_once(what, count, ["mpirun", "-n", str(ranks)] if ranks > 1 else [], 1)
+    return measures
+
+
+def at_once(what: str, count: int, launcher: list[str], processes: int) -> list[dict[str, Any]]:
+    """Measures of runs that start together and know nothing of each other."""
+    command = [*launcher, sys.executable, __file__, "--rank", what, "--count", str(count)]
+    started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
+    outputs = [process.communicate(timeout=SECONDS)[0] for process in started]
+    if any(process.returncode for process in started):
+        raise RuntimeError(f"`{' '.join(command)}` failed")
+    return [json.loads(output.splitlines()[-1]) for output in outputs]
+
+
+def ceiling() -> float:
+    """What two processes that share nothing gain over one: the most that this machine lets two ranks gain."""
+    gains = []
+    for _ in range(REPEATS):
+        (alone,), both = (at_once("scenes", SCENES // 2, [], n) for n in (1, 2))
+        gains.append(2.0 * alone["seconds"] / max(run["seconds"] for run in both))
+    return median(gains)
 
 
 def row(count: int, what: str, runs: list[dict[str, float]]) -> str:
@@ -141,15 +175,25 @@ def table() -> str:
     one = [runs[count, "elements"][0] for count in fitted]
     seconds = power(fitted, [run["seconds"] for run in one])
     memory = power(fitted, [run["bytes each"] * count for count, run in zip(fitted, one, strict=True)])
-    text = f"Fitted powers from {FITTED:.0e} elements on, one rank: time {seconds:.2f}, memory {memory:.2f}."
-    return "\n".join([load, "", *lines, "", text])
+    finest = ELEMENTS[-1]
+    way = measured_once("meshes", finest, 1)["meshes"]
+    text = [
+        f"Fitted powers from {FITTED:.0e} elements on, one rank: time {seconds:.2f}, memory {memory:.2f}.",
+        "",
+        f"Two processes of {SCENES // 2} scenes that share nothing gain {ceiling():.2f} over one of them.",
+        "",
+        f"Meshes on the way to {finest:.0e} elements: "
+        + ", ".join(f"{n} ({iterations} iterations, {each:.1f} us each)" for n, iterations, each in way)
+        + ".",
+    ]
+    return "\n".join([load, "", *lines, "", *text])
 
 
 # %%
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Large meshes and many scenes, on one rank and on two.")
     parser.add_argument("--readme", action="store_true", help="write the table into the README")
-    parser.add_argument("--rank", choices=("elements", "scenes"), help=argparse.SUPPRESS)
+    parser.add_argument("--rank", choices=("elements", "scenes", "meshes"), help=argparse.SUPPRESS)
     parser.add_argument("--count", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.rank is not None:
