@@ -1,8 +1,8 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
 Where the borders of the contact zone are is not known before, so a fine mesh starts from the solution on a coarser one
-(`lagrangian_run`, on each of them). The answer is as good as the mesh, which knows the contact zone to a part of an
-element.
+(`lagrangian_run`, on each of them). Ranks share the meshes that are large enough for it, and each solves the small ones
+alone, to the same numbers. The answer is as good as the mesh, which knows the contact zone to a part of an element.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from belt_fenicsx.solution import Solution, Status, finish
 from belt_fenicsx.stages import Stages
 
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
+SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than each of them alone
 
 
 @functools.lru_cache(maxsize=16)
@@ -83,15 +84,18 @@ def solve(
     # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
     while fields is None and len(meshes[0]) > FINE:
         meshes.insert(0, _coarser(meshes[0]))
-    shared = {"comm": comm.py2f(), "options": tuple(sorted((options or {}).items()))}
+    asked = {"options": tuple(sorted((options or {}).items())), "frictional": plain.pulleys[0].friction > 0.0}
     stages = Stages()
     for nodes in meshes:
         last, count = nodes is meshes[-1], len(nodes) - 1
         where = "" if last else f", {count} elements"
-        problem = _problem(count, frictional=plain.pulleys[0].friction > 0.0, **shared)
+        sharing = comm if count >= SHARED * comm.size else MPI.COMM_SELF
+        problem = _problem(count, comm=sharing.py2f(), **asked)
         stages.ran(f"set-up{where}", "forms and spaces")
+        if sharing.size < comm.size:
+            stages.skipped(f"sharing{where}", f"{count} elements are too few for {comm.size} ranks: each solves all")
         penalties = Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale)
-        run = Run(problem, plain, nodes, penalties, stages, where)
+        run = Run(problem, plain, nodes, penalties, stages, where, first=comm.rank == 0)
         solution = run.solve(fields, rtol if last else COARSE_RTOL)
         fields = solution.fields
     solution = solution.in_units(scene, units)

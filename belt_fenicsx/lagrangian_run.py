@@ -62,10 +62,19 @@ class Run:
         penalties: Penalties on this mesh.
         stages: What was done so far.
         where: What to add to the names of stages on this mesh.
+        first: Whether this is the rank that tells the course of the solve.
     """
 
     def __init__(
-        self, problem: Problem, scene: Scene, nodes: Array, penalties: Penalties, stages: Stages, where: str
+        self,
+        problem: Problem,
+        scene: Scene,
+        nodes: Array,
+        penalties: Penalties,
+        stages: Stages,
+        where: str,
+        *,
+        first: bool,
     ) -> None:
         self.problem, self.scene, self.penalties, self.stages, self._where = problem, scene, penalties, stages, where
         self.pulley = scene.pulleys[0]
@@ -73,7 +82,7 @@ class Run:
         self.penalty = penalties.relaxed
         self.measures: dict[str, float] = {}
         # One answer for all ranks: what is told is computed by all.
-        self.told = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
+        self.told = problem.space.comm.bcast(first and logger.isEnabledFor(logging.INFO))
         problem.load(scene, nodes)
         # An entry of the residual is a difference of forces b1 r/size, with pressures P g in it, most of which cancel.
         sizes, length = np.diff(nodes), scene.belt.length

@@ -31,6 +31,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason="needs no more than one process"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def shared_meshes():
+    """Lets ranks share small meshes, too, so that tests of a moment see what they do together."""
+    with pytest.MonkeyPatch.context() as patch:
+        if SIZE > 1:
+            patch.setattr("belt_fenicsx.augmented_lagrangian.SHARED", 1)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def collective_teardown():
     """Frees PETSc's objects, whose destruction is collective, at the same place on all ranks."""

@@ -1,12 +1,13 @@
 """The augmented-Lagrangian method against reference numbers, limits and invariances."""
 
 import dataclasses
+import logging
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, solve
+from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, augmented_lagrangian, solve
 from belt_fenicsx.augmented_lagrangian import solve as solve_fixed
 from belt_fenicsx.multipliers import Penalties
 
@@ -200,6 +201,24 @@ def test_same_omega_on_any_number_of_ranks(elements):
     assert together.fields.sigma == pytest.approx(alone.fields.sigma, abs=1e-15)
     assert together.fields.p == pytest.approx(alone.fields.p, abs=1e-3)
     assert MPI.COMM_WORLD.allgather(together.omega) == [together.omega] * MPI.COMM_WORLD.size
+
+
+def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
+    monkeypatch.setattr(augmented_lagrangian, "SHARED", 150)
+    caplog.set_level(logging.INFO, logger="belt_fenicsx")
+    size, count = MPI.COMM_WORLD.size, 150 * MPI.COMM_WORLD.size
+    small, large, alone = (
+        solve_fixed(Scene(), elements=elements, comm=comm)
+        for elements, comm in ((100, None), (2 * count, None), (2 * count, MPI.COMM_SELF))
+    )
+    assert [stage.why for stage in small.stages if stage.name == "sharing"] == (
+        [f"100 elements are too few for {size} ranks: each solves all"] if size > 1 else []
+    )
+    assert "sharing" not in [stage.name for stage in large.stages]
+    assert any(stage.name.startswith("sharing, ") for stage in large.stages) == (size > 1)
+    assert large.omega == pytest.approx(alone.omega, rel=1e-12)
+    told = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
+    assert bool(told) == (MPI.COMM_WORLD.rank == 0)
 
 
 @pytest.mark.parametrize("elements", [0, 1, MPI.COMM_WORLD.size - 1, 2.5, True])
