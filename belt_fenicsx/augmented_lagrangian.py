@@ -1,14 +1,15 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
 Where the borders of the contact zone are is not known before, so a fine mesh starts from the solution on a coarser one
-(`lagrangian_run`, on each of them). Ranks share the meshes that are large enough for it, and each solves the small ones
-alone, to the same numbers. The answer is as good as the mesh, which knows the contact zone to a part of an element.
+(`lagrangian_run`, on each of them). Ranks share the meshes that are large enough for it; small ones the first rank
+solves alone. The answer is as good as the mesh, which knows the contact zone to a part of an element.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,19 +17,20 @@ from mpi4py import MPI
 
 from belt_fenicsx import recognition
 from belt_fenicsx.certificate import certified, check_transition
+from belt_fenicsx.collective import on_first
 from belt_fenicsx.errors import compiling
-from belt_fenicsx.fields import Array
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.lagrangian_forms import Problem
 from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.mesh import check_elements
 from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.solution import Solution, Stage, Status, finish
 from belt_fenicsx.stages import Stages
 
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
-SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than each of them alone
+SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than one of them alone
 
 
 @functools.lru_cache(maxsize=16)
@@ -84,25 +86,45 @@ def solve(
     # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
     while fields is None and len(meshes[0]) > FINE:
         meshes.insert(0, _coarser(meshes[0]))
-    asked = {"options": tuple(sorted((options or {}).items())), "frictional": plain.pulleys[0].friction > 0.0}
-    stages = Stages()
+    asked = tuple(sorted((options or {}).items()))
+    stages: list[Stage] = []
     for nodes in meshes:
         last, count = nodes is meshes[-1], len(nodes) - 1
-        where = "" if last else f", {count} elements"
-        sharing = comm if count >= SHARED * comm.size else MPI.COMM_SELF
-        problem = _problem(count, comm=sharing.py2f(), **asked)
-        stages.ran(f"set-up{where}", "forms and spaces")
-        if sharing.size < comm.size:
-            stages.skipped(f"sharing{where}", f"{count} elements are too few for {comm.size} ranks: each solves all")
-        penalties = Penalties.of(plain, float(np.min(np.diff(nodes))), penalty_scale)
-        run = Run(problem, plain, nodes, penalties, stages, where, first=comm.rank == 0)
-        solution = run.solve(fields, rtol if last else COARSE_RTOL)
+        on_mesh = functools.partial(_on_mesh, plain, nodes, fields, rtol if last else COARSE_RTOL, penalty_scale, asked)
+        if comm.size == 1 or count >= SHARED * comm.size:
+            solution, own = on_mesh(comm), []
+        else:
+            solution = on_first(comm, functools.partial(on_mesh, MPI.COMM_SELF))
+            own = [
+                Stage(name="sharing", why=f"{count} elements are too few for {comm.size} ranks: the first solves all")
+            ]
+        own += solution.stages
+        stages += own if last else [replace(stage, name=f"{stage.name}, {count} elements") for stage in own]
         fields = solution.fields
+    iterations = sum(stage.iterations or 0 for stage in stages)
+    solution = replace(solution, stages=tuple(stages), iterations=iterations)
     solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=recognition.TOLERANCE)
     return finish(solution, throw=throw)
+
+
+def _on_mesh(
+    scene: Scene,
+    nodes: Array,
+    fields: Fields | None,
+    rtol: float,
+    penalty_scale: float,
+    options: tuple[tuple[str, Any], ...],
+    comm: MPI.Comm,
+) -> Solution:
+    """The dimensionless solution on one mesh."""
+    stages = Stages()
+    problem = _problem(len(nodes) - 1, comm.py2f(), options, scene.pulleys[0].friction > 0.0)
+    stages.ran("set-up", "forms and spaces")
+    penalties = Penalties.of(scene, float(np.min(np.diff(nodes))), penalty_scale)
+    return Run(problem, scene, nodes, penalties, stages).solve(fields, rtol)
 
 
 def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> Array:

@@ -61,28 +61,16 @@ class Run:
         nodes: Positions of all nodes ``(elements + 1,)``.
         penalties: Penalties on this mesh.
         stages: What was done so far.
-        where: What to add to the names of stages on this mesh.
-        first: Whether this is the rank that tells the course of the solve.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        scene: Scene,
-        nodes: Array,
-        penalties: Penalties,
-        stages: Stages,
-        where: str,
-        *,
-        first: bool,
-    ) -> None:
-        self.problem, self.scene, self.penalties, self.stages, self._where = problem, scene, penalties, stages, where
+    def __init__(self, problem: Problem, scene: Scene, nodes: Array, penalties: Penalties, stages: Stages) -> None:
+        self.problem, self.scene, self.penalties, self.stages = problem, scene, penalties, stages
         self.pulley = scene.pulleys[0]
         self.multipliers = Multipliers(p=np.zeros_like(problem.space.eta), f=np.zeros_like(problem.space.eta))
         self.penalty = penalties.relaxed
         self.measures: dict[str, float] = {}
         # One answer for all ranks: what is told is computed by all.
-        self.told = problem.space.comm.bcast(first and logger.isEnabledFor(logging.INFO))
+        self.told = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
         problem.load(scene, nodes)
         # An entry of the residual is a difference of forces b1 r/size, with pressures P g in it, most of which cancel.
         sizes, length = np.diff(nodes), scene.belt.length
@@ -143,7 +131,7 @@ class Run:
 
     def warm(self, fields: Fields) -> None:
         """Skips the first phase: state and multipliers from the fields of another solution."""
-        self.stages.skipped(f"relaxed{self._where}", "there is an initial solution")
+        self.stages.skipped("relaxed", "there is an initial solution")
         nodes, at = self.problem.nodes, self.problem.gauss_points()
         first, last = np.searchsorted(fields.sigma, nodes[[0, -1]])
         # What is around this rank's part of the belt; borders of zones have two points.
@@ -250,7 +238,7 @@ class Run:
         try:
             yield counter
         finally:
-            self.stages.ran(f"{name}{self._where}", why, counter.iterations)
+            self.stages.ran(name, why, counter.iterations)
 
 
 @dataclass

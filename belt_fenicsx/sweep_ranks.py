@@ -10,14 +10,15 @@ from __future__ import annotations
 import itertools
 import pickle
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from belt_fenicsx.collective import T, on_first, raise_first
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-T = TypeVar("T")
 # The two counters, and a number that the chunks' never reaches by counting.
 CHUNK, SOLVED = 0, 1
 STOPPED = np.iinfo(np.int32).max
@@ -117,14 +118,7 @@ class Ranks:
 
     def on_first(self, call: Callable[[], T]) -> T:
         """What the call returns on rank 0, on all ranks; its error, too."""
-        result, error = None, None
-        if self.rank == 0:
-            try:
-                result = call()
-            except Exception as caught:  # raised again on all ranks, which would wait for this one
-                error = caught
-        self._raise_first(error)
-        return self._comm.bcast(result, root=0)
+        return on_first(self._comm, call)
 
     def gathered(self, mine: dict[int, Any], error: BaseException | None) -> dict[int, Any]:
         """The results of all ranks, on each of them; or the error of the first rank that had one.
@@ -133,21 +127,7 @@ class Ranks:
             BaseException: The error, on all ranks.
         """
         self._window.Free()
-        self._raise_first(error)
+        raise_first(self._comm, error)
         parts = self._comm.allgather(pickle.dumps(mine))
         others = (pickle.loads(part) for rank, part in enumerate(parts) if rank != self.rank)
         return mine | {index: result for part in others for index, result in part.items()}
-
-    def _raise_first(self, error: BaseException | None) -> None:
-        for other in self._comm.allgather(_portable(error)):
-            if other is not None:
-                raise other if error is None else error
-
-
-def _portable(error: BaseException | None) -> BaseException | None:
-    """The error itself where it can travel to other ranks, otherwise its name and text."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # pickle lets through whatever an error's own methods raise
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error

@@ -212,13 +212,19 @@ def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
         for elements, comm in ((100, None), (2 * count, None), (2 * count, MPI.COMM_SELF))
     )
     assert [stage.why for stage in small.stages if stage.name == "sharing"] == (
-        [f"100 elements are too few for {size} ranks: each solves all"] if size > 1 else []
+        [f"100 elements are too few for {size} ranks: the first solves all"] if size > 1 else []
     )
     assert "sharing" not in [stage.name for stage in large.stages]
     assert any(stage.name.startswith("sharing, ") for stage in large.stages) == (size > 1)
     assert large.omega == pytest.approx(alone.omega, rel=1e-12)
     told = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
     assert bool(told) == (MPI.COMM_WORLD.rank == 0)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("elements", [378, 976, 991, 1157])
+def test_kinks_where_contact_begins_and_ends_do_not_stop_newtons_iteration(elements):
+    assert solve_fixed(Scene(), elements=elements).omega == pytest.approx(OMEGA, rel=3e-6)
 
 
 @pytest.mark.parametrize("elements", [0, 1, MPI.COMM_WORLD.size - 1, 2.5, True])
