@@ -42,8 +42,9 @@ HIGHEST = 14
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it mostly reaches
 # Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
 # units of the factor by which the change of the pressure fell since the degree before. Measured on scenes at random:
-# from one even degree to the next, the error fell by factors of 7 to 3000.
-LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 10.0
+# from one even degree to the next, the error fell by factors of 7 to 3000. By accident, a change can be far smaller
+# than the error that it leaves; then that is taken for a part of the pressure's change.
+LEFT_FIRST, LEFT, GAIN, LEAST = 1 / 8, 1 / 4, 15.0, 3e-7
 CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after which the error is that of the degree
 # Belt lengths, of a cell. One step from the degree before leaves an error of second order in what the degree changes in
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
@@ -187,7 +188,7 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
             raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, higher))
         change_of_known = abs(1.0 - _known(run.scene, state) / _known(run.scene, higher))
         left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT_FIRST
-        estimate = max(left * change_of_known, rounding(run.scene, higher))
+        estimate = max(left * change_of_known, LEAST * change_of_p, rounding(run.scene, higher))
         state, change_before = higher, change_of_p
         early = k == lowest or (change_of_p <= COARSEST and not judged)
         if early and k < last:

@@ -48,7 +48,7 @@ def check(cases):
         ratios += [ratio for _, ratio in reached]
     # Where the error that a degree leaves happens to be small, the change by it says little of it.
     assert sum(1.0 <= ratio <= 100.0 for ratio in ratios) >= 0.9 * len(ratios)
-    assert min(ratios) >= 0.3
+    assert min(ratios) >= 0.5
 
 
 def test_a_few_scenes(monkeypatch):
