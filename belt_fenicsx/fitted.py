@@ -50,7 +50,7 @@ CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
 SHORT = 0.012
 ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
-BENDING = 300.0  # in that of a bending force there, which is the larger one from some hundred cells on
+BENDING = 2000.0  # in that of a bending force there, for each cell: the larger one from some hundred cells on
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
@@ -241,8 +241,8 @@ def finer(run: Run, state: State) -> State:
 def rounding(scene: Scene, state: State) -> float:
     """Rounding error of the angular velocity: that of slopes, and of forces by bending, in the shortest cells."""
     shortest, belt = state.length.min(), scene.belt
-    bending = belt.bending_stiffness / belt.extensional_stiffness
-    return float(np.finfo(float).eps * (ROUNDING / shortest + BENDING * bending / shortest**2))
+    bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
+    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending) / shortest)
 
 
 def _known(scene: Scene, state: State) -> float:
