@@ -117,8 +117,7 @@ def fastest(runs: list[Run], method: str, target: float) -> Run | None:
 #
 # Time of a Newton iteration against the number of unknowns. On the fixed mesh it is the last stage of a solve, with its
 # updates of multipliers, divided by its iterations; the elements are many, and their matrix is a sparse one. The fitted
-# zones need some twenty elements, and what is left after the elimination cell by cell is solved densely: that is cheap
-# for tens of elements, and not made for thousands.
+# zones need some twenty elements, but take as many as are asked for.
 
 
 # %%
@@ -158,6 +157,34 @@ def slope(rows: list[Sized], method: str, least: int) -> float:
     """Fitted power of the number of unknowns, from ``least`` unknowns on."""
     own = [row for row in rows if row.method == method and row.unknowns >= least]
     return float(np.polyfit(np.log([row.unknowns for row in own]), np.log([row.seconds for row in own]), 1)[0])
+
+
+# %% [markdown]
+# ## Orders of convergence
+#
+# Fitted powers of the size of elements, with which the error of omega falls; and the factor by which it falls from one
+# degree to the next but one. On the fixed mesh, the borders of contact lie inside of elements, which limits the order.
+
+
+# %%
+def orders(runs: list[Run], omega: float) -> list[tuple[str, str]]:
+    """What is refined, and how the error of omega falls."""
+
+    def power(counts: tuple[int, ...], errors: list[float]) -> str:
+        return f"order {-np.polyfit(np.log(counts), np.log(errors), 1)[0]:.1f}"
+
+    def error(**settings: int) -> float:
+        return abs(solve_fitted(scene, **settings).omega / omega - 1.0)
+
+    counts, fixed = ELEMENTS[1:], [run.error for run in runs if run.method == FIXED][1:]
+    rows = [(f"{NAMES[FIXED]}, {counts[0]} to {counts[-1]} elements", power(counts, fixed))]
+    for degree, cells in ((6, (16, 24, 32, 48, 64)), (8, (12, 16, 20, 24))):
+        errors = [error(degree=degree, elements=n) for n in cells]
+        rows.append((f"{NAMES[FITTED]}, degree {degree}, {cells[0]} to {cells[-1]} elements", power(cells, errors)))
+    degrees = (6, 8, 10)
+    errors = [error(degree=k) for k in degrees]
+    factor = np.exp(-2.0 * np.polyfit(degrees, np.log(errors), 1)[0])
+    return [*rows, (f"{NAMES[FITTED]}, degrees {', '.join(map(str, degrees))}", f"factor {factor:.0f} each")]
 
 
 # %% [markdown]
@@ -220,7 +247,9 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def report(runs: list[Run], sizes: list[Sized], processes: list[tuple[str, float]]) -> str:
+def report(
+    runs: list[Run], falling: list[tuple[str, str]], sizes: list[Sized], processes: list[tuple[str, float]]
+) -> str:
     """All tables as Markdown."""
 
     def cell(run: Run | None) -> str:
@@ -243,6 +272,7 @@ def report(runs: list[Run], sizes: list[Sized], processes: list[tuple[str, float
             versions,
             table(head, rows),
             table(("method", "setting", "true error", "time [ms]"), every),
+            table(("refined", "error of omega falls by"), falling),
             table(
                 ("method", "unknowns", "Newton iteration [ms]"),
                 [(NAMES[row.method], str(row.unknowns), f"{1e3 * row.seconds:.3g}") for row in sizes],
@@ -281,8 +311,9 @@ if __name__ == "__main__":
     parser.add_argument("--repeats", type=int, default=21, help="runs of each setting (default: %(default)s)")
     parser.add_argument("--readme", action="store_true", help="write tables and figure into the README")
     arguments = parser.parse_args()
-    finished = measured(all_runs(), reference(), arguments.repeats)
-    text = report(finished, against_size(3), start_up(min(arguments.repeats, 5)))
+    omega = reference()
+    finished = measured(all_runs(), omega, arguments.repeats)
+    text = report(finished, orders(finished, omega), against_size(3), start_up(min(arguments.repeats, 5)))
     print(text)
     draw(finished, FIGURE if arguments.readme else HERE / "output" / "benchmark.png")
     if arguments.readme:
