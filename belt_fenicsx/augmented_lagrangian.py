@@ -69,8 +69,8 @@ def solve(
         The solution, with fields at two Gauss points in each element.
 
     Raises:
-        SceneError: The pulley is driven in another way, the transition is not in the contact zone, the mesh is none
-            of this belt, or there are more ranks than elements.
+        SceneError: The pulley is driven in another way, the transition is not in the contact zone, or the mesh is
+            none of this belt.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
     pulley = scene.pulleys[0]
@@ -79,7 +79,7 @@ def solve(
         raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
-    meshes = [_nodes(scene, elements, mesh, comm.size) / units.length]
+    meshes = [_nodes(scene, elements, mesh) / units.length]
     fields = None
     if initial is not None and initial.fields is not None:
         fields = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
@@ -127,14 +127,14 @@ def _on_mesh(
     return Run(problem, scene, nodes, penalties, stages).solve(fields, rtol)
 
 
-def _nodes(scene: Scene, elements: int | None, mesh: Any, ranks: int) -> Array:
+def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
     """Positions of the nodes ``(elements + 1,)`` [m]."""
     length = scene.belt.length
     if mesh is not None:
         if elements is not None:
             raise SceneError("elements", "be left out with a mesh", elements)
-        return node_positions(mesh, length=length, ranks=ranks)
-    elements = check_elements(100 if elements is None else elements, ranks)
+        return node_positions(mesh, length=length)
+    elements = check_elements(100 if elements is None else elements)
     return np.linspace(-length / 2, length / 2, elements + 1)
 
 

@@ -15,16 +15,17 @@ from mpi4py import MPI
 from belt_fenicsx import compat
 from belt_fenicsx.scene import SceneError
 
+FEWEST = 2  # elements of a mesh
 
-def check_elements(elements: int, ranks: int) -> int:
+
+def check_elements(elements: int) -> int:
     """Checks a number of elements.
 
     Raises:
-        SceneError: There are not enough elements for the ranks; on all ranks, before anything collective.
+        SceneError: It is none; on all ranks, before anything collective.
     """
-    fewest = max(2, ranks)
-    if isinstance(elements, bool) or not isinstance(elements, int) or elements < fewest:
-        raise SceneError("elements", f"be a whole number of at least {fewest} ({ranks} ranks)", elements)
+    if isinstance(elements, bool) or not isinstance(elements, int) or elements < FEWEST:
+        raise SceneError("elements", f"be a whole number of at least {FEWEST}", elements)
     return elements
 
 
@@ -41,7 +42,8 @@ def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, np.ndarray]:
     Raises:
         SceneError: There are not enough elements for the ranks.
     """
-    check_elements(elements, comm.size)
+    if check_elements(elements) < comm.size:
+        raise SceneError("elements", f"be at least {comm.size}, one for each rank", elements)
     rank, most = comm.rank, comm.size - 1
     first, last = (elements * part // comm.size for part in (rank, rank + 1))
     nodes = np.arange(first, last + 1)

@@ -18,14 +18,13 @@ FEWEST = 8
 END_TOLERANCE = 1e-9
 
 
-def node_positions(mesh: Any, *, length: float, ranks: int = 1) -> Array:
+def node_positions(mesh: Any, *, length: float) -> Array:
     """The material-length coordinates of a mesh's nodes, the outer ones exactly at the belt's ends.
 
     Args:
         mesh: Increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m]; or a file of them: ``.txt`` with one in a line, or a
             mesh of lines along x that meshio reads, such as ``.msh``, ``.xdmf`` and ``.vtu``.
         length: Length Ls of the belt [m].
-        ranks: Number of processes, which have at least one cell each.
 
     Returns:
         Positions ``(n,)`` [m].
@@ -34,9 +33,8 @@ def node_positions(mesh: Any, *, length: float, ranks: int = 1) -> Array:
         SceneError: The mesh cannot be read, is no mesh of this belt, or is too coarse.
     """
     positions = read_positions(Path(mesh)) if isinstance(mesh, str | PathLike) else _array(mesh)
-    fewest = max(FEWEST, ranks)
-    if len(positions) <= fewest:
-        raise SceneError("mesh", f"have at least {fewest} cells ({ranks} ranks)", len(positions) - 1)
+    if len(positions) <= FEWEST:
+        raise SceneError("mesh", f"have at least {FEWEST} cells", len(positions) - 1)
     steps = np.diff(positions)
     if not np.all(steps > 0.0):
         place = int(np.argmin(steps > 0.0))

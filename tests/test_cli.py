@@ -364,12 +364,6 @@ def test_verbose_tells_the_course_of_the_solve(method, logger, line, caplog):
     assert all(re.fullmatch(line, text) for text in told[:1])
 
 
-def test_more_ranks_than_cells_is_bad_input(capfd):
-    if MPI.COMM_WORLD.size == 1:
-        pytest.skip("needs two ranks")
-    assert cli.main(["--method", "augmented-lagrangian", "--elements", "1"]) == 2
-
-
 @serial
 def test_sweep_is_a_table_with_units(capsys):
     assert cli.main(["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=-0.1:0.1:3"]) == 0
