@@ -222,6 +222,16 @@ def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
     assert bool(told) == (MPI.COMM_WORLD.rank == 0)
 
 
+def test_an_error_of_the_rank_that_solves_reaches_all(monkeypatch):
+    def fails(*_):
+        raise ArithmeticError("no solve today")
+
+    monkeypatch.setattr(augmented_lagrangian, "SHARED", 1000)
+    monkeypatch.setattr(augmented_lagrangian.Run, "solve", fails)
+    with pytest.raises(ArithmeticError, match="no solve today"):
+        solve_fixed(Scene())
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("elements", [378, 976, 991, 1157])
 def test_kinks_where_contact_begins_and_ends_do_not_stop_newtons_iteration(elements):
