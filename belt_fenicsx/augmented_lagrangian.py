@@ -87,7 +87,7 @@ def solve(
     while fields is None and len(meshes[0]) > FINE:
         meshes.insert(0, _coarser(meshes[0]))
     asked = tuple(sorted((options or {}).items()))
-    stages: list[Stage] = []
+    stages = Stages()
     for nodes in meshes:
         last, count = nodes is meshes[-1], len(nodes) - 1
         on_mesh = functools.partial(_on_mesh, plain, nodes, fields, rtol if last else COARSE_RTOL, penalty_scale, asked)
@@ -95,14 +95,12 @@ def solve(
             solution, own = on_mesh(comm), []
         else:
             solution = on_first(comm, functools.partial(on_mesh, MPI.COMM_SELF))
-            own = [
-                Stage(name="sharing", why=f"{count} elements are too few for {comm.size} ranks: the first solves all")
-            ]
+            why = f"{count} elements are too few for {comm.size} ranks: the first solves all"
+            own = [Stage(name="sharing", why=why)]
         own += solution.stages
         stages += own if last else [replace(stage, name=f"{stage.name}, {count} elements") for stage in own]
         fields = solution.fields
-    iterations = sum(stage.iterations or 0 for stage in stages)
-    solution = replace(solution, stages=tuple(stages), iterations=iterations)
+    solution = replace(solution, stages=tuple(stages), iterations=stages.iterations)
     solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)

@@ -52,8 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(error, FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted.", INTERRUPTED)
-    except Exception:
-        # Whatever it is, the other ranks would wait for this one; it is raised again.
+    except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
         _abort_other_ranks()
         raise
 

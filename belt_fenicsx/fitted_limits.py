@@ -19,7 +19,6 @@ from belt_fenicsx.solution import Solution, Status
 RTOL = 1e-8
 MOST_PLACES = 12  # of the transition that are tried one after another
 NEAR = 0.01  # of the way from pure stick to pure slip, within which Newton's iteration finds the given speed or moment
-
 WAY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # parts of the contact that slide, one after another
 
 Solve = Callable[..., Solution]

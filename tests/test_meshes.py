@@ -40,8 +40,6 @@ def test_files_are_what_their_script_makes(make):
     ("suffix", "options"), [(".xdmf", {"data_format": "XML"}), (".vtu", {}), (".msh", {"file_format": "gmsh"})]
 )
 def test_formats_of_other_tools(make, suffix, options, tmp_path, capfd):
-    if suffix == ".xdmf":
-        pytest.importorskip("h5py")
     positions = make.graded(30)
     # In the order in which mesh generators number them: the ends first.
     order = np.append([0, 30], np.arange(1, 30))
