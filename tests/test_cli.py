@@ -319,10 +319,12 @@ def test_finite_elements_in_a_process_of_their_own():
 
 
 @serial
-def test_petsc_options_reach_petsc():
-    result = command("--method", "augmented-lagrangian", "-belt_snes_monitor", stdout=subprocess.PIPE)
+@pytest.mark.parametrize("method", ["fitted", "augmented-lagrangian"])
+def test_petsc_options_reach_petsc(method):
+    options = ("-belt_snes_monitor", "-belt_snes_view", "-log_view")
+    result = command("--method", method, *options, stdout=subprocess.PIPE)
     assert result.returncode == 0, result.stderr
-    assert "SNES Function norm" in result.stdout
+    assert all(text in result.stdout for text in ("SNES Function norm", "SNES Object: (belt_)", "SNESSolve"))
 
 
 def test_finite_elements_print_on_rank_0_and_agree_on_the_code(capfd):
