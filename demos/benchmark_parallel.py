@@ -126,7 +126,11 @@ def at_once(what: str, count: int, launcher: list[str], processes: int) -> list[
     """Measures of runs that start together and know nothing of each other."""
     command = [*launcher, sys.executable, __file__, "--rank", what, "--count", str(count)]
     started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
-    outputs = [process.communicate(timeout=SECONDS)[0] for process in started]
+    try:
+        outputs = [process.communicate(timeout=SECONDS)[0] for process in started]
+    finally:
+        for process in started:
+            process.terminate()
     if any(process.returncode for process in started):
         raise RuntimeError(f"`{' '.join(command)}` failed")
     return [json.loads(output.splitlines()[-1]) for output in outputs]
