@@ -191,7 +191,9 @@ def orders(runs: list[Run], omega: float) -> list[tuple[str, str]]:
 # ## What a process pays before its first solve
 #
 # Each in a process of its own: loading DOLFINx alone, loading this package, and one scene from the command line; with
-# an empty cache of compiled forms, and with a full one. And a sweep in a process that has done one before.
+# an empty cache of compiled forms, and with a full one. Parts of that, timed inside of a process: compiling the forms
+# of the fitted zones or finding them compiled, and setting up each method's mesh, dof numbers and solver. And a sweep
+# in a process that has done one before.
 
 
 # %%
@@ -200,6 +202,35 @@ def wall(command: list[str], environment: dict[str, str]) -> float:
     began = time.perf_counter()
     subprocess.run(command, env=environment, check=True, capture_output=True)
     return time.perf_counter() - began
+
+
+INSIDE = """
+import logging, time
+logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
+{before}
+began = time.perf_counter()
+{timed}
+print(time.perf_counter() - began)
+"""
+FORMS = ("from belt_fenicsx.fitted_forms import forms", "for degree in (4, 6, 8): forms(degree, True)")
+FITTED_SET_UP = (
+    "from belt_fenicsx import Scene, solve\nfrom belt_fenicsx.fitted_newton import Iteration\n"
+    "mesh = solve(Scene()).state.mesh",
+    "for degree in (4, 6, 8): Iteration(mesh, degree, True)",
+)
+FIXED_SET_UP = (
+    "from mpi4py import MPI\nfrom belt_fenicsx.lagrangian_forms import Problem",
+    "Problem(100, MPI.COMM_SELF, {}, frictional=True)",
+)
+
+
+def inside(part: tuple[str, str], environment: dict[str, str]) -> float:
+    """Wall time of a part of a process, which comes after another one [s]."""
+    code = INSIDE.format(before=part[0], timed=part[1])
+    output = subprocess.run(
+        [sys.executable, "-c", code], env=environment, check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    return float(output.split()[-1])
 
 
 def one_sweep(repeats: int) -> float:
@@ -224,12 +255,25 @@ def start_up(repeats: int) -> list[tuple[str, float]]:
             "`belt-fenicsx --method bvp`": [*python, "-m", "belt_fenicsx", "--method", "bvp"],
             "`belt-fenicsx`, forms compiled before": [*python, "-m", "belt_fenicsx"],
         }
-        cold = wall(commands["`belt-fenicsx`, forms compiled before"], environment)
-        rows = []
+        rows, cold = [], []
+        for _ in range(repeats):
+            with tempfile.TemporaryDirectory() as empty:
+                cold.append(inside(FORMS, {**environment, "XDG_CACHE_HOME": empty}))
+        first = wall(commands["`belt-fenicsx`, forms compiled before"], environment)
         for name, command in commands.items():
             wall(command, environment)
             rows.append((name, median(wall(command, environment) for _ in range(repeats))))
-    rows.append(("`belt-fenicsx`, first run ever (forms are compiled)", cold))
+        rows += [
+            ("`belt-fenicsx`, first run ever (forms are compiled)", first),
+            ("JIT cold, forms of the fitted zones, degrees 4, 6 and 8", median(cold)),
+        ]
+        for name, part in (
+            ("JIT warm, the same forms from the cache", FORMS),
+            ("set-up of the fitted zones for one mesh, degrees 4, 6 and 8", FITTED_SET_UP),
+            ("set-up of the fixed mesh, 100 elements, forms from the cache", FIXED_SET_UP),
+        ):
+            inside(part, environment)
+            rows.append((name, median(inside(part, environment) for _ in range(repeats))))
     return [
         *rows,
         ("a sweep of 41 transitions in a process that is warm, fitted zones, rtol 1e-08", one_sweep(repeats)),
@@ -279,7 +323,7 @@ def report(
             ),
             f"Fitted power of the unknowns: {slope(sizes, FIXED, 1000):.2f} on the fixed mesh (from 1000 unknowns on), "
             f"{slope(sizes, FITTED, 0):.2f} with fitted zones.",
-            table(("process", "wall time [s]"), [(name, f"{seconds:.2f}") for name, seconds in processes]),
+            table(("process", "wall time [s]"), [(name, f"{seconds:.2g}") for name, seconds in processes]),
         )
     )
 
