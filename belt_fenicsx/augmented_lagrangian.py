@@ -8,7 +8,7 @@ solves alone. The answer is as good as the mesh, which knows the contact zone to
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -33,11 +33,19 @@ FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
 SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than one of them alone
 
 
-@functools.lru_cache(maxsize=16)
-def _problem(elements: int, comm: int, options: tuple[tuple[str, Any], ...], frictional: bool) -> Problem:
-    """What scenes share is made once: forms and function spaces cost a hundred times a solve."""
-    with compiling():
-        return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
+@functools.cache
+def _problems(comm: int) -> Callable[[int, tuple[tuple[str, Any], ...], bool], Problem]:
+    """What scenes share is made once: forms and function spaces cost a hundred times a solve.
+
+    Each communicator keeps its own, lest a rank that solves something alone forgets what the others still have.
+    """
+
+    @functools.lru_cache(maxsize=16)
+    def problem(elements: int, options: tuple[tuple[str, Any], ...], frictional: bool) -> Problem:
+        with compiling():
+            return Problem(elements, MPI.Comm.f2py(comm), dict(options), frictional=frictional)
+
+    return problem
 
 
 def solve(
@@ -119,7 +127,7 @@ def _on_mesh(
 ) -> Solution:
     """The dimensionless solution on one mesh."""
     stages = Stages()
-    problem = _problem(len(nodes) - 1, comm.py2f(), options, scene.pulleys[0].friction > 0.0)
+    problem = _problems(comm.py2f())(len(nodes) - 1, options, scene.pulleys[0].friction > 0.0)
     stages.ran("set-up", "forms and spaces")
     penalties = Penalties.of(scene, float(np.min(np.diff(nodes))), penalty_scale)
     return Run(problem, scene, nodes, penalties, stages).solve(fields, rtol)

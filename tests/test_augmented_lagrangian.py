@@ -222,6 +222,14 @@ def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
     assert bool(told) == (MPI.COMM_WORLD.rank == 0)
 
 
+def test_a_rank_that_solves_alone_forgets_nothing_that_the_others_have():
+    first = solve_fixed(Scene(), elements=60)
+    if MPI.COMM_WORLD.rank == 0:
+        for elements in range(20, 37):
+            solve_fixed(Scene(), elements=elements, comm=MPI.COMM_SELF, throw=False)
+    assert solve_fixed(Scene(), elements=60).omega == first.omega
+
+
 def test_an_error_of_the_rank_that_solves_reaches_all(monkeypatch):
     def fails(*_):
         raise ArithmeticError("no solve today")
