@@ -16,8 +16,9 @@ import argparse
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from readme import write_into_readme
@@ -45,31 +46,106 @@ SLOWEST = 3  # scenes that are named
 
 
 # %%
-def scenes(count: int, seed: int) -> Iterator[Scene]:
-    """Draws scenes."""
-    draw = np.random.default_rng(seed)
+class Draw:
+    """Random numbers of scenes, the same for the same seed."""
 
-    def logarithmic(low: float, high: float) -> float:
-        return float(np.exp(draw.uniform(np.log(low), np.log(high))))
+    def __init__(self, seed: int) -> None:
+        self._random = np.random.default_rng(seed)
 
-    drawn = 0
+    def even(self, low: float, high: float) -> float:
+        """A number spread evenly over an interval."""
+        return float(self._random.uniform(low, high))
+
+    def logarithmic(self, low: float, high: float) -> float:
+        """A number whose logarithm is spread evenly."""
+        return float(np.exp(self._random.uniform(np.log(low), np.log(high))))
+
+    def one_of(self, choices: Sequence[str]) -> str:
+        """One of several words."""
+        return str(self._random.choice(choices))
+
+
+def chapter_like(draw: Draw) -> Scene | None:
+    """A scene like the chapter's: a thick belt over a large pulley; None where there is none."""
+    radius, top, shift = draw.even(0.25, 2.0), draw.even(0.03, 0.35), draw.even(-0.1, 0.1)
+    thickness, friction, nu = draw.logarithmic(0.004, 0.08), draw.logarithmic(0.01, 1.0), draw.even(0.0, 0.49)
+    strain, part = draw.logarithmic(0.005, 0.08), draw.even(0.15, 0.85)
+    place = {"radius": radius, "center": (shift, top - radius), "friction": friction}
+    drive = ("x_trans", draw.one_of(("forward", "backward")), part)
+    return _taut(1.0, strain, place, drive, thickness=thickness, poisson_ratio=nu)
+
+
+def thin(draw: Draw) -> Scene | None:
+    """A flat belt or a steel band: thin against its pulley, stiff, little strained; None where there is none."""
+    radius = draw.logarithmic(0.02, 0.25)
+    span = radius * draw.even(2.5, 12.0)
+    thickness, modulus = radius * draw.logarithmic(4e-4, 0.03), draw.logarithmic(0.1e9, 200e9)
+    strain, friction, nu = draw.logarithmic(5e-4, 0.03), draw.even(0.05, 0.8), draw.even(0.0, 0.49)
+    top, shift, part = radius * draw.logarithmic(0.05, 3.0), span * draw.even(-0.15, 0.15), draw.even(0.15, 0.85)
+    place = {"radius": radius, "center": (shift, top - radius), "friction": friction}
+    drive = ("x_trans", draw.one_of(("forward", "backward")), part)
+    belt = {"thickness": thickness, "youngs_modulus": modulus, "poisson_ratio": nu, "width": 0.05}
+    return _taut(span, strain, place, drive, **belt)
+
+
+def wide(draw: Draw) -> Scene | None:
+    """A scene far from the chapter's in any way, driven in any way; None where there is none."""
+    radius, top, shift = draw.logarithmic(0.1, 10.0), draw.logarithmic(0.005, 0.45), draw.even(-0.3, 0.3)
+    thickness, friction, nu = draw.logarithmic(5e-4, 0.15), draw.logarithmic(1e-3, 3.0), draw.even(-0.5, 0.5)
+    strain, part = draw.logarithmic(1e-4, 0.3), draw.even(0.05, 0.95)
+    kind, slip = draw.one_of(("x_trans", "run-up", "run-off", "omega", "torque")), draw.one_of(("forward", "backward"))
+    place = {"radius": radius, "center": (shift, top - radius), "friction": friction}
+    return _taut(1.0, strain, place, (kind, slip, part), thickness=thickness, poisson_ratio=nu)
+
+
+def _taut(
+    span: float, strain: float, place: dict[str, Any], drive: tuple[str, str, float], **belt: float
+) -> Scene | None:
+    """The scene with this mean strain of its string; None where the string is clear of the pulley or has no room.
+
+    Args:
+        span: Distance of the clamps [m].
+        strain: The mean strain.
+        place: Radius, centre and friction of the pulley.
+        drive: The drive; the sense of sliding; the part of the contact that sticks, or what of the string's torque and
+            excess of speed in pure slip is given.
+        belt: Thickness and material.
+    """
+    try:
+        string = taut_string(Scene(span=span, belt=Belt(length=span), pulleys=(Pulley(**place),)))
+    except SceneError:
+        return None
+    if string is None:
+        return None
+    taut = Belt(length=float(np.sum(string.stretches * np.diff(string.sigma))) / (1.0 + strain), **belt)
+    (kind, slip, part), radius = drive, place["radius"]
+    sense = 1.0 if slip == "forward" else -1.0
+    first, last = string.angles[[0, -1]]
+    given: dict[str, Any] = {"x_trans": kind, "slip": slip}
+    if kind == "x_trans":
+        given["x_trans"] = float(place["center"][0] - radius * np.sin(first + part * (last - first)))
+    elif kind in ("omega", "torque"):
+        force = taut.extensional_stiffness * strain * sense * part * np.expm1(place["friction"] * (first - last))
+        speed = (1.0 + strain * (1.0 - sense * part * place["friction"] * (first - last) / 2.0)) / radius
+        given = {kind: float(force * radius if kind == "torque" else speed)}
+    try:
+        return Scene(span=span, belt=taut, pulleys=(Pulley(**place, **given),))
+    except SceneError:
+        return None
+
+
+# Kinds of scenes, by name.
+KINDS: dict[str, Callable[[Draw], Scene | None]] = {"chapter": chapter_like, "thin": thin, "wide": wide}
+
+
+def scenes(count: int, seed: int, kind: str = "chapter") -> Iterator[Scene]:
+    """Draws scenes of a kind."""
+    draw, drawn = Draw(seed), 0
     while drawn < count:
-        radius, top, shift = draw.uniform(0.25, 2.0), draw.uniform(0.03, 0.35), draw.uniform(-0.1, 0.1)
-        thickness, friction, nu = logarithmic(0.004, 0.08), logarithmic(0.01, 1.0), draw.uniform(0.0, 0.49)
-        strain, part, slip = logarithmic(0.005, 0.08), draw.uniform(0.15, 0.85), draw.choice(["forward", "backward"])
-        place = {"radius": float(radius), "center": (float(shift), float(top - radius)), "friction": friction}
-        try:
-            string = taut_string(Scene(pulleys=(Pulley(**place),)))
-        except SceneError:
-            continue
-        if string is None:
-            continue
-        path = float(np.sum(string.stretches * np.diff(string.sigma)))
-        angle = string.angles[0] + part * (string.angles[-1] - string.angles[0])
-        x_trans = float(shift - radius * np.sin(angle))
-        belt = Belt(length=path / (1.0 + strain), thickness=thickness, poisson_ratio=float(nu))
-        yield Scene(belt=belt, pulleys=(Pulley(**place, x_trans=x_trans, slip=str(slip)),))
-        drawn += 1
+        scene = KINDS[kind](draw)
+        if scene is not None:
+            yield scene
+            drawn += 1
 
 
 # %% [markdown]
@@ -197,12 +273,15 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Solves scenes at random by two methods.")
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--seed", type=int, default=18)
+    parser.add_argument("--kind", choices=tuple(KINDS), default="chapter", help="kind of scenes")
     parser.add_argument("--readme", action="store_true", help="write the table into the README")
     arguments = parser.parse_args()
     for name, scene in extremes().items():
         result = outcome(0, scene)
         print(f"{name}: {result.cause}, difference {result.difference:.1e}")
-    finished = [outcome(number, scene) for number, scene in enumerate(scenes(arguments.count, arguments.seed))]
+    finished = [
+        outcome(number, scene) for number, scene in enumerate(scenes(arguments.count, arguments.seed, arguments.kind))
+    ]
     text = report(finished)
     print(text)
     for failed in failures(finished):
