@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.fields import Array, Fields
-from belt_fenicsx.fitted_state import POINTS, State, norm, tables
+from belt_fenicsx.fitted_state import POINTS, State, tables
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Contact, Zone
 from belt_fenicsx.zones import once
@@ -38,7 +38,7 @@ def pulley_speed(scene: Scene, state: State) -> float:
     while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
         # Where cells meet, a point counts twice.
         sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
-        D = norm(state.slopes_at(*state.located(sigma))[0])
+        D = np.abs(state.slopes_at(*state.located(sigma))[0])
         slowest, last = int(np.argmin(sense * D)), D.size - 1
     return float(D[slowest])
 
@@ -54,11 +54,10 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     """
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
-    (r, theta), (p, f), (dr, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.slopes_at(cell, xi)
-    D = norm(dr)
+    (r, theta), (p, f), (slope, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.slopes_at(cell, xi)
+    D = np.abs(slope)
     return Fields.from_state(
-        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]),
-        D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.angle(slope), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
@@ -69,12 +68,12 @@ def fields(scene: Scene, state: State) -> Fields:
     inner = ~mesh.begins[1:]
     weight[:-1, -1][inner] += weight[1:, 0][inner]
     points, zone = once(mesh, POINTS)
-    sigma, D, theta, kappa, p, f, weight = (
-        field.ravel()[points] for field in (dense.sigma, dense.D, dense.theta, dense.kappa, dense.p, dense.f, weight)
+    sigma, D, phi, theta, kappa, p, f, weight = (
+        field.ravel()[points]
+        for field in (dense.sigma, dense.D, dense.phi, dense.theta, dense.kappa, dense.p, dense.f, weight)
     )
-    r, dr = (field.reshape(-1, 2)[points] for field in (dense.r, dense.dr))
     return Fields.from_state(
-        scene.belt, zone=zone, weight=weight, sigma=sigma, r=r, theta=theta, phi=np.arctan2(dr[:, 1], dr[:, 0]), D=D,
+        scene.belt, zone=zone, weight=weight, sigma=sigma, r=dense.r.reshape(-1, 2)[points], theta=theta, phi=phi, D=D,
         kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ import functools
 import logging
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,7 @@ class Newton:
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()
         values, chords = iteration.values.copy(), iteration.chords.copy()
-        state = State(start.mesh, start.cells, start.degree, iteration.ends, chords, values)
+        state = replace(start, ends=iteration.ends, chords=chords, values=values)
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,21 +11,22 @@ import numpy as np
 from belt_fenicsx.condensed import local, width
 from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points
-from belt_fenicsx.scene import Scene
+from belt_fenicsx.scene import Belt, Scene, StiffnessBelt
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import Mesh, Zones, bending_layer, divided, shear_layer
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
 EVEN = np.linspace(0.0, 1.0, POINTS)
+ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a coordinate, in belt lengths
 
 
 class Dense(NamedTuple):
-    """Fields ``(n, POINTS)`` of all cells; r and dr are vectors ``(n, POINTS, 2)``."""
+    """Fields ``(n, POINTS)`` of all cells; r is a vector ``(n, POINTS, 2)``."""
 
     sigma: Array
     r: Array
-    dr: Array
     D: Array
+    phi: Array
     theta: Array
     kappa: Array
     p: Array
@@ -56,9 +57,10 @@ def tables(degree: int) -> tuple[Array, Array, Array, Array]:
     return *lagrange_basis(nodes, EVEN), lagrange_basis(gauss, EVEN)[0], simpson_weights(EVEN)
 
 
-def norm(vectors: Array) -> Array:
-    """Lengths of vectors ``(..., 2)``."""
-    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
+@functools.cache
+def at_gauss(degree: int) -> tuple[Array, Array]:
+    """At the Gauss points of the reference cell: polynomials through the nodes, and their slopes."""
+    return lagrange_basis(*points(degree))
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class State:
     hundredth, to 1e-10.
 
     Attributes:
+        belt: The dimensionless belt, whose stiffnesses turn strains into forces.
         mesh: Zones and cells.
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
@@ -79,6 +82,7 @@ class State:
             sigma ``(n, 5 k + 6)``.
     """
 
+    belt: Belt | StiffnessBelt
     mesh: Mesh
     cells: Array
     degree: int
@@ -130,24 +134,40 @@ class State:
         """Positions ``(n, m, 2)`` in all cells, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""
         return on_chords(self.chords, xi) + nodal @ self.values[:, local(self.degree).r]
 
-    def dr(self, slopes: Array) -> Array:
-        """Derivatives of positions ``(n, m, 2)`` in all cells, where the nodes' polynomials have the ``slopes``."""
-        deviation = slopes @ self.values[:, local(self.degree).r]
-        return (self.chords[:, None, 2:] + deviation) / self.length[:, None, None]
+    @functools.cached_property
+    def force(self) -> Array:
+        """Force Q in global axes at the Gauss points, in the complex plane ``(n, k)``.
+
+        The energy is integrated by as many Gauss points as slopes have coefficients. So equilibrium holds at each of
+        them, and Q is constant in a free span to rounding. Between them, slopes alternate around this force: the shear
+        strain is the small difference of two angles, and the more of it is error the thinner the belt is.
+        """
+        at, values, (nodal, slopes) = local(self.degree), self.values, at_gauss(self.degree)
+        dr = (self.chords[:, None, 2:] + slopes @ values[:, at.r]) / self.length[:, None, None]
+        e1 = np.exp(1j * (values[:, at.theta] @ nodal.T))
+        strain = dr.view(complex)[..., 0] * e1.conj() - 1.0
+        return (self.belt.extensional_stiffness * strain.real + 1j * self.belt.shear_stiffness * strain.imag) * e1
+
+    def slope(self, force: Array, theta: Array) -> Array:
+        """The slope r' = (1 + eps) e1 + Gamma e2 that a force in global axes calls for (18.5), in the complex plane."""
+        e1 = np.exp(1j * theta)
+        Q = force * e1.conj()
+        return (1.0 + Q.real / self.belt.extensional_stiffness + 1j * Q.imag / self.belt.shear_stiffness) * e1
 
     @functools.cached_property
     def dense(self) -> Dense:
         """Fields at `POINTS` points of each cell, once for all that read them."""
         at, values, length = local(self.degree), self.values, self.length[:, None]
         nodal, slopes, gauss, _ = tables(self.degree)
-        dr, theta = self.dr(slopes), values[:, at.theta]
+        theta = values[:, at.theta] @ nodal.T
+        slope = self.slope(self.force @ gauss.T, theta)
         return Dense(
             sigma=self.sigma[:, :1] + length * EVEN,
             r=self.r(EVEN, nodal),
-            dr=dr,
-            D=norm(dr),
-            theta=theta @ nodal.T,
-            kappa=theta @ slopes.T / length,
+            D=np.abs(slope),
+            phi=np.angle(slope),
+            theta=theta,
+            kappa=values[:, at.theta] @ slopes.T / length,
             p=values[:, at.p] @ gauss.T,
             f=values[:, at.f] @ gauss.T,
         )
@@ -156,13 +176,16 @@ class State:
         """The same fields in elements of another degree; exactly the same where it is higher."""
         if degree == self.degree:
             return self
-        values = self.values @ prolongation(self.degree, degree)
-        return State(self.mesh, self.cells, degree, self.ends, self.chords, values)
+        return replace(self, degree=degree, values=self.values @ prolongation(self.degree, degree))
 
     def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
-        """Cell and reference coordinate of points; at a border, those of the cell after it, or before it."""
+        """Cell and reference coordinate of points; at a border, those of the cell after it, or before it.
+
+        A border that was turned into other units and back is still that border.
+        """
         left = self.sigma[:, 0]
-        cell = np.clip(np.searchsorted(left[1:], sigma, side="left" if before else "right"), 0, len(left) - 1)
+        same = -ROUNDING if before else ROUNDING
+        cell = np.searchsorted(left[1:], sigma + same, side="left" if before else "right")
         return cell, (sigma - left[cell]) / self.length[cell]
 
     def at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
@@ -179,11 +202,12 @@ class State:
         return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
 
     def slopes_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
-        """Derivatives of r and theta at points ``xi`` of cells ``(m,)``."""
-        at, slopes = local(self.degree), lagrange_basis(points(self.degree)[0], xi)[1]
-        length, values = self.length[cell], self.values[cell]
-        dr = self.chords[cell, 2:] + np.einsum("mi,mic->mc", slopes, values[:, at.r])
-        return dr / length[:, None], np.einsum("mi,mi->m", slopes, values[:, at.theta]) / length
+        """Slopes r' in the complex plane, and those of theta, at points ``xi`` of cells ``(m,)``."""
+        (nodes, gauss), theta = points(self.degree), self.values[cell][:, local(self.degree).theta]
+        nodal, slopes = lagrange_basis(nodes, xi)
+        force = np.einsum("mi,mi->m", lagrange_basis(gauss, xi)[0], self.force[cell])
+        slope = self.slope(force, np.einsum("mi,mi->m", nodal, theta))
+        return slope, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
 
 
 def on_chords(chords: Array, xi: Array) -> Array:
@@ -197,7 +221,7 @@ def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, 
     mesh, cells = divided(zones, ends, **layers, elements=elements)
     values = np.zeros((len(cells), width(degree)))
     values[:, local(degree).sigma[1]] = np.diff(ends)[mesh.zone] * (cells[:, 1] - cells[:, 0])
-    return State(mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
+    return State(scene.belt, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
 
 
 def _placed(scene: Scene, state: State, r: Array, theta: Array) -> State:
@@ -255,8 +279,8 @@ def from_fields(
     D_stick = old.D_stick if isinstance(old, State) else float(old.D[0] - old.v_rel[0])
     state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
     if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
-        state = old.of_degree(degree)
-        state = State(state.mesh, state.cells, degree, ends, state.chords.copy(), state.values.copy())
+        same = old.of_degree(degree)
+        state = replace(same, belt=scene.belt, ends=ends, chords=same.chords.copy(), values=same.values.copy())
         r, theta, p, f = state.at_nodes
     else:
         nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))

@@ -25,9 +25,9 @@ BEFORE, AFTER = 0, 1
 
 # Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
 # free spans are straight outside of their layers, contact is curved all along.
-FIRST_FREE, GROWTH_FREE = 0.4, 8.0
-FIRST_CONTACT, GROWTH_CONTACT = 1.2, 1.8
-FEWEST = 2  # cells of a zone
+FIRST_FREE, GROWTH_FREE = 0.4, 3.0
+FIRST_CONTACT, GROWTH_CONTACT = 1.05, 1.7
+FEWEST = 3  # cells of a zone
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def divided(
     wanted = [2.0 * _cells_to(0.5, *grading) for grading in gradings]
     share = 1.0 if elements is None else elements / sum(wanted)
     for grading, count in zip(gradings, wanted, strict=True):
-        counts.append(max(FEWEST, round(count * share)))
+        counts.append(max(FEWEST, int(count * share)))
         nodes += itertools.pairwise(graded(*grading, counts[-1]))
     return meshed(zones, tuple(counts)), np.array(nodes)
 
