@@ -17,15 +17,15 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
-def penetration_from(start: Expr, way: Expr, *, radius: Expr, center: Expr) -> Expr:
-    """The same g at ``start + way``, with little rounding error where the way is short.
+def penetration_from(arm: Expr, way: Expr, *, radius: Expr, excess: Expr) -> Expr:
+    """The same g at the end of ``arm + way`` from the centre, with little rounding error where the way is short.
 
-    That of the difference in `penetration` is as large as that of positions. From point to point it is a roughness of
-    the pulley, to which the pressure of a stiff belt answers.
+    With |arm|^2 + excess = R^2 it is g = (excess - way.(2 arm + way)) / (R + |arm + way|). The rounding error of the
+    difference in `penetration` is as large as that of positions; from point to point it is a roughness of the pulley,
+    to which the pressure of a thin, stiff belt answers.
     """
-    arm = start - center
     distance = ufl.sqrt(ufl.dot(arm + way, arm + way))
-    return (radius**2 - ufl.dot(arm, arm) - ufl.dot(way, 2 * arm + way)) / (radius + distance)
+    return (excess - ufl.dot(way, 2 * arm + way)) / (radius + distance)
 
 
 def normal_potential(g: Expr, *, lambda_p: Expr, penalty: Expr) -> Expr:

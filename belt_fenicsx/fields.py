@@ -128,6 +128,11 @@ class Fields:
         return replace(self, weight=self.weight * units.length, **scaled)
 
 
+def vectors(places: Array) -> Array:
+    """Points of the complex plane ``(m,)`` as vectors ``(m, 2)``."""
+    return places.view(float).reshape(-1, 2)
+
+
 def simpson_weights(x: Array) -> Array:
     """Weights of Simpson's rule on unequal points, parabola by parabola ``(n,)``."""
     weights, h = np.zeros(len(x)), np.diff(x)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,12 @@ from mpi4py import MPI
 
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
-from belt_fenicsx.fitted_answer import answer, fields_at, pulley_speed
+from belt_fenicsx.fitted_answer import answer, fields_at
+from belt_fenicsx.fitted_errors import change_of_pressure, error_of_known, errors_of_fields, rounding
 from belt_fenicsx.fitted_limits import check_limits, near_by
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
-from belt_fenicsx.fitted_start import LOWEST, NEGATIVE, Run, meets, starts
+from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, Run, meets, starts
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
@@ -40,17 +41,10 @@ from belt_fenicsx.stages import Stopped
 METHOD = "fitted"
 HIGHEST = 14
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it mostly reaches
-# Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
-# units of the factor by which the change of the pressure fell since the degree before. Measured on scenes at random:
-# from one even degree to the next, the error fell by factors of 7 to 3000. By accident, a change can be far smaller
-# than the error that it leaves; then that is taken for a part of the pressure's change.
-LEFT_FIRST, LEFT, GAIN, LEAST = 1 / 8, 1 / 4, 15.0, 3e-7
 CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after which the error is that of the degree
 # Belt lengths, of a cell. One step from the degree before leaves an error of second order in what the degree changes in
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
 SHORT = 0.012
-ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
-BENDING = 2000.0  # in that of a bending force there, for each cell: the larger one from some hundred cells on
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
@@ -115,19 +109,21 @@ def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) 
     """
     scene = run.asked
     try:
-        state, estimate, change_of_p = found(run, initial, rtol, degree)
+        result = found(run, initial, rtol, degree)
     except Stopped as stopped:
         return _ended(run, status=stopped.status, message=stopped.message)
-    status = Status.SOLVED if degree is not None or estimate <= rtol else Status.ACCURACY_NOT_REACHED
-    found_there = answer(run.scene, state)
+    missed = "" if degree is not None else result.missed(rtol)
+    found_there = answer(run.scene, result.state)
     run.stages.ran("answer", "fields between the nodes")
     solution = _ended(
         run,
-        status=status,
-        error_estimate=estimate,
-        measures={"change of p": change_of_p},
-        state=state,
-        evaluator=functools.partial(fields_at, run.scene, state),
+        status=Status.ACCURACY_NOT_REACHED if missed else Status.SOLVED,
+        message=missed,
+        error_estimate=result.error,
+        field_errors=result.errors_of_fields,
+        measures={"change of p": result.change_of_p},
+        state=result.state,
+        evaluator=functools.partial(fields_at, run.scene, result.state),
         **found_there,
     ).in_units(scene, run.units)
     check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
@@ -139,8 +135,43 @@ def _ended(run: Run, **what_there_is: Any) -> Solution:
     return Solution(scene=run.asked, method=METHOD, stages=tuple(stages), iterations=stages.iterations, **what_there_is)
 
 
-def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> tuple[State, float, float]:
-    """The state, as `raised` gives it back, with twice as many cells where no degree suffices.
+@dataclass(frozen=True)
+class Result:
+    """A state and how far it is from the exact answer.
+
+    Attributes:
+        state: The state.
+        error: Estimated relative error of its angular velocity.
+        errors_of_fields: Those of its fields, relative to their largest values.
+        change_of_p: Largest change of its pressure by the last degree, relative to the largest pressure.
+    """
+
+    state: State
+    error: float
+    errors_of_fields: Mapping[str, float]
+    change_of_p: float
+
+    def missed(self, rtol: float) -> str:
+        """What is not as accurate as wanted; empty where all is."""
+        if self.error > rtol:
+            return f"The angular velocity is known to {self.error:.1g} of itself, {rtol:.1g} was asked for."
+        worst = max(self.errors_of_fields, key=lambda name: self.errors_of_fields[name])
+        if self.errors_of_fields[worst] > of_fields(rtol):
+            reached = f"{self.errors_of_fields[worst]:.1g} of its largest value"
+            return f"The field {worst} is known to {reached}, {of_fields(rtol):.1g} goes with rtol {rtol:.1g}."
+        return ""
+
+
+def of_fields(rtol: float) -> float:
+    """Accuracy of the fields, relative to their largest values, that goes with one of the angular velocity.
+
+    Energy methods know a functional to about the square of the error of their fields.
+    """
+    return math.sqrt(rtol)
+
+
+def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> Result:
+    """The result that `raised` gives back, with twice as many cells where no degree suffices.
 
     Raises:
         Stopped: There is none.
@@ -149,10 +180,10 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
     for start in starts(run, initial):
         try:
             result = raised(run, start(run), rtol, degree)
-            if not meets(run, result[0]):
+            if not meets(run, result.state):
                 continue
-            if degree is None and result[1] > rtol > rounding(run.scene, result[0]):
-                result = raised(run, finer(run, result[0]), rtol, degree)
+            if degree is None and result.missed(rtol) and rtol > rounding(run.scene, result.state):
+                result = raised(run, finer(run, result.state), rtol, degree)
             return result
         except Stopped as stopped:
             if stopped.status not in UNFINISHED:
@@ -164,12 +195,8 @@ def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
 
 
-def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[State, float, float]:
-    """Raises the degree until the angular velocity is known, and the pressure well enough to judge the state by it.
-
-    Returns:
-        The state, the estimated relative error of its angular velocity, and the largest change of its pressure by the
-        last degree, relative to the largest pressure.
+def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
+    """Raises the degree until the angular velocity and the fields are known, the latter well enough to judge by them.
 
     Raises:
         Stopped: There is none.
@@ -178,43 +205,41 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> tuple[Sta
     judged, change_before = False, 0.0
     lowest = min(state.degree + 2, degree or HIGHEST)
     for k in range(lowest, (degree or HIGHEST) + 1, 2):
-        start = state.of_degree(k)
-        higher = run.newton(start, "the degree before", arrived=CLOSE)
-        if k > lowest and higher.length.min() < SHORT:
-            higher = run.newton(higher, "short cells, in which one step is not enough", arrived=CLOSE)
-        p, p_start = (s.values[:, local(k).p] for s in (higher, start))
-        change_of_p = float(np.abs(p - p_start).max() / p.max())
-        if p.min() < -NEGATIVE * p.max():
-            raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, higher))
-        change_of_known = abs(1.0 - _known(run.scene, state) / _known(run.scene, higher))
-        left = min(LEFT, GAIN * change_of_p / change_before) if change_before else LEFT_FIRST
-        estimate = max(left * change_of_known, LEAST * change_of_p, rounding(run.scene, higher))
-        state, change_before = higher, change_of_p
-        early = k == lowest or (change_of_p <= COARSEST and not judged)
-        if early and k < last:
-            early = not calm(run.scene, higher)
-        known = estimate <= max(rtol, rounding(run.scene, state)) and change_of_p <= COARSEST
+        before, start = state, state.of_degree(k)
+        state = run.newton(start, "the degree before", arrived=CLOSE if k >= last else ARRIVED)
+        if k > lowest and state.length.min() < SHORT:
+            state = run.newton(state, "short cells, in which one step is not enough", arrived=CLOSE)
+        if (p := state.values[:, local(k).p]).min() < -NEGATIVE * p.max():
+            raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, state))
+        change = change_of_pressure(start, state)
+        error, errors = error_of_known(run.scene, before, state, change, change_before), {}
+        known = error <= max(rtol, rounding(run.scene, state)) and change <= COARSEST
+        if known or k >= (degree or HIGHEST):
+            errors = errors_of_fields(run.scene, before, state, change, change_before)
+            known = known and max(errors.values()) <= of_fields(rtol)
         final = k >= last and (known or k == degree)
+        early = (k == lowest or (change <= COARSEST and not judged)) and (k >= last or not calm(run.scene, state))
+        change_before = change
         if early or (final and k < (degree or HIGHEST)):
-            judged = change_of_p <= COARSEST
+            judged, zones = change <= COARSEST, state.mesh.zones
             try:
-                state = reviewed(run, higher, max(TOLERANCE if final else BREACH, change_of_p))
+                state = reviewed(run, state, max(TOLERANCE if final else BREACH, change))
             except Stopped:
                 # Other zones are not found where friction is known too coarsely: a higher degree goes on from the same.
                 continue
-            if state.mesh.zones != higher.mesh.zones:
+            if state.mesh.zones != zones:
                 # What is known of the error is that of other zones.
-                change_before, estimate = 0.0, math.inf
+                change_before, error = 0.0, math.inf
                 continue
         if final:
             break
-    return state, estimate, change_of_p
+    return Result(state, error, errors, change)
 
 
 def _lifted(run: Run, state: State) -> str:
     """What negative pressure inside of the contact means."""
     dense = state.dense
-    x = float(dense.r[..., 0].flat[np.argmin(dense.p)]) * run.units.length
+    x = float(dense.r.real.flat[np.argmin(dense.p)]) * run.units.length
     return (
         f"The pressure is negative at x = {x:.6g} m: the belt would lift off there, and contact is not one arc; "
         "or this is another root of the equations."
@@ -236,15 +261,3 @@ def finer(run: Run, state: State) -> State:
     """The same zones with twice as many cells, at the lowest degree."""
     run.elements = 2 * len(state.cells)
     return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough")
-
-
-def rounding(scene: Scene, state: State) -> float:
-    """Rounding error of the angular velocity: that of slopes, and of forces by bending, in the shortest cells."""
-    shortest, belt = state.length.min(), scene.belt
-    bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
-    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending) / shortest)
-
-
-def _known(scene: Scene, state: State) -> float:
-    """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)

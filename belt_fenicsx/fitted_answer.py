@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 import itertools
 import math
 from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.fields import Array, Fields, vectors
 from belt_fenicsx.fitted_state import POINTS, State, tables
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Contact, Zone
@@ -38,7 +39,7 @@ def pulley_speed(scene: Scene, state: State) -> float:
     while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
         # Where cells meet, a point counts twice.
         sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
-        D = np.abs(state.slopes_at(*state.located(sigma))[0])
+        D = np.abs(1.0 + state.strains_at(*state.located(sigma))[0])
         slowest, last = int(np.argmin(sense * D)), D.size - 1
     return float(D[slowest])
 
@@ -54,10 +55,11 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     """
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
-    (r, theta), (p, f), (slope, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.slopes_at(cell, xi)
-    D = np.abs(slope)
+    (r, theta), (p, f), (strain, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.strains_at(cell, xi)
+    D = np.abs(1.0 + strain)
     return Fields.from_state(
-        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=r, theta=theta, phi=np.angle(slope), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
+        phi=theta + np.angle(1.0 + strain), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
@@ -68,13 +70,10 @@ def fields(scene: Scene, state: State) -> Fields:
     inner = ~mesh.begins[1:]
     weight[:-1, -1][inner] += weight[1:, 0][inner]
     points, zone = once(mesh, POINTS)
-    sigma, D, phi, theta, kappa, p, f, weight = (
-        field.ravel()[points]
-        for field in (dense.sigma, dense.D, dense.phi, dense.theta, dense.kappa, dense.p, dense.f, weight)
-    )
+    sigma, r, strain, D, theta, kappa, p, f, weight = (field.ravel()[points] for field in (*dense, weight))
     return Fields.from_state(
-        scene.belt, zone=zone, weight=weight, sigma=sigma, r=dense.r.reshape(-1, 2)[points], theta=theta, phi=phi, D=D,
-        kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        scene.belt, zone=zone, weight=weight, sigma=sigma, r=vectors(r), theta=theta,
+        phi=theta + np.angle(1.0 + strain), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
@@ -82,18 +81,18 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     """Contact, zones and fields of a state, as arguments of a solution."""
     mesh, pulley, r = state.mesh, scene.pulleys[0], state.ends_r
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
-    sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border[:, 0]))
+    sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
     zones = tuple(
         Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
     )
-    up, off = (border[[1, -2]] - pulley.center).tolist()
+    up, off = (border[[1, -2]] - complex(*pulley.center)).tolist()
     contact = Contact(
         omega=pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],
         x_trans=zones[mesh.zones.transition].x[1],
         x_off=zones[-1].x[0],
         torque=-pulley.radius * state.friction_force,
-        wrap_angle=math.atan2(up[1], up[0]) - math.atan2(off[1], off[0]),
+        wrap_angle=cmath.phase(up / off) % (2.0 * math.pi),
         zones=zones[1:-1],
     )
     return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}

@@ -20,7 +20,7 @@ from belt_fenicsx import compat, contact, elements, rod
 from belt_fenicsx.fields import Array
 from belt_fenicsx.kernels import Kernel, compiled
 
-CONSTANTS = ("a", "b1", "b2", "R", "xc", "H", "mu", "x_trans", "D_given", "force_given")
+CONSTANTS = ("a", "b1", "b2", "R", "mu", "x_trans", "D_given", "force_given")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
 
 
@@ -30,8 +30,9 @@ class Forms:
 
     Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, stretch in
     stick; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
-    values of ``SWITCHES`` on both sides of the cell; then its chord, from which r deviates: its left end and the vector
-    to its right end. Their constants are ``CONSTANTS``.
+    values of ``SWITCHES`` on both sides of the cell; then its chord, from which r deviates: its left end as seen from
+    the pulley's centre, the vector to its right end, and R^2 less the square of the first. Their constants are
+    ``CONSTANTS``, x_trans from the centre, too.
 
     Attributes:
         F: Residual ``(5 k + 6,)``.
@@ -58,7 +59,7 @@ def residual_and_jacobian(degree: int, friction: bool) -> tuple[ufl.Form, ufl.Fo
     # Numbered here: UFL would count on in one process, and compiled code is found again by its form's numbers, too.
     unknown, switches, chord = (
         ufl.Coefficient(ufl.FunctionSpace(line, element), count=count)
-        for count, element in enumerate((mixed, elements.one_sided(len(SWITCHES)), elements.gauss(1, size=4)))
+        for count, element in enumerate((mixed, elements.one_sided(len(SWITCHES)), elements.gauss(1, size=5)))
     )
     constants = ufl.Constant(line, shape=(len(CONSTANTS),), count=0)
     F = residual(unknown, switches, chord, constants, degree, friction)
@@ -76,13 +77,12 @@ def residual(
     """Weak equilibrium, the pulley's conditions at the Gauss points, and the conditions at the borders."""
     deviation, theta, p, f, sigma, D_stick = ufl.split(unknown)
     (eta,) = ufl.SpatialCoordinate(unknown.ufl_function_space().ufl_domain())
-    start, along = (ufl.as_vector([chord[i], chord[i + 1]]) for i in (0, 2))
+    arm, along = (ufl.as_vector([chord[i], chord[i + 1]]) for i in (0, 2))
     way = eta * along + deviation
-    r = start + way
+    r = arm + way
     v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.ufl_function_space())
     given = dict(zip(CONSTANTS, (constants[i] for i in range(len(CONSTANTS))), strict=True))
     on = dict(zip(SWITCHES, (switches[i] for i in range(len(SWITCHES))), strict=True))
-    center = ufl.as_vector([given["xc"], given["H"]])
     at_gauss_points = ufl.dx(metadata={"quadrature_degree": 2 * degree - 1, "quadrature_rule": "default"})
     at_nodes = ufl.dx(
         metadata={
@@ -101,9 +101,9 @@ def residual(
     elastic = ufl.derivative(
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
-    pulley = v_p * on["touch"] * contact.penetration_from(start, way, radius=given["R"], center=center)
+    pulley = v_p * on["touch"] * contact.penetration_from(arm, way, radius=given["R"], excess=chord[4])
     pulley -= ufl.dot(p * n, v_r) * sigma.dx(0)
-    borders = v_sigma * on["tangent"] * ufl.dot(r - center, t)
+    borders = v_sigma * on["tangent"] * ufl.dot(r, t)
     borders += v_D * on["grip"] * (1 - on["force"]) * (D - D_stick)
     if friction:
         coulomb = f + on["sense"] * given["mu"] * p

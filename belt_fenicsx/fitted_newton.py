@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
-from belt_fenicsx.fitted_state import State
+from belt_fenicsx.fitted_state import State, on_chords, sum_error
 from belt_fenicsx.petsc_options import PREFIX, set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
@@ -39,7 +39,8 @@ class Iteration:
 
     Attributes:
         values: Unknowns of each cell, as in a state ``(n, 5 k + 6)``.
-        chords: Chords of each cell, as in a state ``(n, 4)``.
+        chords: Chords of each cell, as in a state, and R^2 less the square of its left end's distance from the centre
+            ``(n, 5)``.
         ends: Ends of the zones ``(z + 1,)``.
         residuals: Computes the residual of each cell.
         jacobians: Computes the Jacobian of each cell.
@@ -48,12 +49,11 @@ class Iteration:
     def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
         self.condensed = Condensed(mesh, degree, friction)
         (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
-        coefficients = np.empty((n, dofs + on.shape[1] + 4))
+        coefficients = np.empty((n, dofs + on.shape[1] + 5))
         self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
         # In the complex plane, a turn is a product.
         self._positions = slice(2 * (degree + 1))
-        self._deviation, chords = self.values[:, self._positions].view(complex), self.chords.view(complex)
-        self._start, self._along = chords[:, :1], chords[:, 1:]
+        self._deviation, self._chords = self.values[:, self._positions].view(complex), self.chords[:, :4].view(complex)
         switched[:] = on
         self._constants = np.zeros(len(CONSTANTS))
         compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
@@ -78,15 +78,17 @@ class Iteration:
         belt, pulley = scene.belt, scene.pulleys[0]
         given = {
             "a": belt.bending_stiffness, "b1": belt.extensional_stiffness, "b2": belt.shear_stiffness,
-            "R": pulley.radius, "xc": pulley.center[0], "H": pulley.center[1], "mu": pulley.friction,
-            "x_trans": pulley.x_trans if pulley.drive == "x_trans" and not isinstance(pulley.x_trans, str) else 0.0,
+            "R": pulley.radius, "mu": pulley.friction,
+            "x_trans": 0.0 if pulley.x_trans is None or isinstance(pulley.x_trans, str) else
+                pulley.x_trans - pulley.center[0],
             "D_given": pulley.omega * pulley.radius if pulley.drive == "omega" else 1.0,
             "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
-        self._center, self._radius = complex(*pulley.center), pulley.radius
+        self._radius = pulley.radius
         self._arrived, self._held, self._monitored = arrived, held, monitored
-        self.values[:], self.chords[:], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
+        self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
+        self._measure()
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
     def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
@@ -120,8 +122,17 @@ class Iteration:
                 break
             if shortening > STRAIGHT:
                 self._onto_pulley(moved)
+            self._measure()
             held = False
         snes.setConvergedReason(reason)
+
+    def _measure(self) -> None:
+        """How far R^2 exceeds the squares of the distances of the cells' left ends, to less than their rounding error.
+
+        NumPy's long double has eleven bits more than a double on x86, and never fewer.
+        """
+        x, y = self.chords[:, :2].T.astype(np.longdouble)
+        self.chords[:, 4] = np.longdouble(self._radius) ** 2 - x**2 - y**2
 
     def _moved(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Takes a step, shortened where a border would come too close to the next one.
@@ -144,12 +155,15 @@ class Iteration:
         return moved, shortening
 
     def _shifted(self, shift: Array) -> None:
-        """Shifts nodes, in the complex plane ``(n, k + 1)``."""
-        left = shift[:, :1]
-        along = shift[:, 1:2] - left
-        self._start += left
-        self._along += along
-        self._deviation += shift - (left + self._nodes * along)
+        """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
+        change = shift[:, :2].copy()
+        change[:, 1] -= shift[:, 0]
+        chords = self._chords + change
+        lost = sum_error(self._chords, change, chords)
+        deviation = shift - on_chords(change, self._nodes)
+        deviation[:, 0], deviation[:, 1] = 0.0, sum_error(shift[:, 1], -shift[:, 0], change[:, 1])
+        self._deviation += deviation + on_chords(lost, self._nodes)
+        self._chords[:] = chords
 
     def _onto_pulley(self, moved: Array) -> None:
         """Bends the way of nodes that moved on the pulley to the pulley, and lets the free zones follow its ends.
@@ -162,8 +176,8 @@ class Iteration:
             moved: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
         contact, shift = self._contact, np.empty_like(moved)
-        straight, chord = moved[contact], self._start[contact] + self._nodes * self._along[contact]
-        arm = chord + self._deviation[contact] - straight - self._center
+        straight = moved[contact]
+        arm = on_chords(self._chords[contact], self._nodes) + self._deviation[contact] - straight
         distance = np.abs(arm)
         turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
         shift[contact] = arm * (turn * (self._radius / distance) - 1.0) - straight
@@ -171,6 +185,8 @@ class Iteration:
         place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
         shift[self._before] = place[self._before] ** 2 * shift[contact][0, 0]
         shift[self._after] = (1.0 - place[self._after]) ** 2 * shift[contact][-1, 1]
+        # Cells that meet at a node shift it alike, to the last bit.
+        shift[1:, 0] = shift[:-1, 1]
         self._shifted(shift)
 
 
@@ -206,7 +222,7 @@ class Newton:
         self.snes.setPythonContext(iteration)
         self.snes.solve(None, self._x)
         iterations = self.snes.getIterationNumber()
-        values, chords = iteration.values.copy(), iteration.chords.copy()
+        values, chords = iteration.values.copy(), iteration.chords[:, :4].copy()
         state = replace(start, ends=iteration.ends, chords=chords, values=values)
         return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
 

@@ -11,22 +11,22 @@ import numpy as np
 from belt_fenicsx.condensed import local, width
 from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points
-from belt_fenicsx.scene import Belt, Scene, StiffnessBelt
+from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import Mesh, Zones, bending_layer, divided, shear_layer
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
-EVEN = np.linspace(0.0, 1.0, POINTS)
+EVEN, ENDS = np.linspace(0.0, 1.0, POINTS), np.array([0.0, 1.0])
 ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a coordinate, in belt lengths
 
 
 class Dense(NamedTuple):
-    """Fields ``(n, POINTS)`` of all cells; r is a vector ``(n, POINTS, 2)``."""
+    """Fields ``(n, POINTS)`` of all cells; positions, and strains eps + i Gamma, in the complex plane."""
 
     sigma: Array
     r: Array
+    strain: Array
     D: Array
-    phi: Array
     theta: Array
     kappa: Array
     p: Array
@@ -69,20 +69,22 @@ class State:
 
     Positions are kept as a chord for each cell and what deviates from it. In a cell that is some thousandth of the belt
     long, the derivative of the positions themselves would know the stretch to 1e-12 only, and the strain, which is some
-    hundredth, to 1e-10.
+    hundredth, to 1e-10. What a sum of two numbers loses by rounding is a part of the deviation, so that cells meet at
+    their nodes to far less than the rounding of a position: such steps would be a roughness of the pulley.
 
     Attributes:
-        belt: The dimensionless belt, whose stiffnesses turn strains into forces.
+        scene: The dimensionless scene.
         mesh: Zones and cells.
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
         ends: Ends of the zones in the material-length coordinate ``(z + 1,)``.
-        chords: Position of each cell's left end, and the vector from there to its right end ``(n, 4)``.
+        chords: Each cell's left end as seen from the pulley's centre, and the vector from there to its right end
+            ``(n, 4)``.
         values: Unknowns of each cell, with the deviations from the chord for positions, and its ends 0 and length for
             sigma ``(n, 5 k + 6)``.
     """
 
-    belt: Belt | StiffnessBelt
+    scene: Scene
     mesh: Mesh
     cells: Array
     degree: int
@@ -107,23 +109,41 @@ class State:
         return ends[zone] + (ends[1:] - ends[:-1])[zone] * self.cells
 
     @property
+    def _chords(self) -> Array:
+        """The chords in the complex plane ``(n, 2)``."""
+        return self.chords.view(complex)
+
+    @property
+    def _deviation(self) -> Array:
+        """Deviations of the nodes from the chords, in the complex plane ``(n, k + 1)``."""
+        return self.values[:, : 2 * (self.degree + 1)].view(complex)
+
+    @property
+    def _center(self) -> complex:
+        """The pulley's centre in the complex plane."""
+        return complex(*self.scene.pulleys[0].center)
+
+    @property
     def ends_r(self) -> Array:
-        """Positions of both ends of each cell ``(n, 2, 2)``."""
-        left = self.chords[:, :2]
-        return np.stack([left, left + self.chords[:, 2:]], axis=1)
+        """Positions of both ends of each cell, in the complex plane ``(n, 2)``."""
+        return self._center + on_chords(self._chords, ENDS)
 
     @property
     def nodes(self) -> Array:
         """Material-length coordinate and x of the cells' ends ``(n + 1, 2)``."""
-        both = np.stack([self.sigma, self.ends_r[..., 0]], axis=2)
+        both = np.stack([self.sigma, self.ends_r.real], axis=2)
         return np.vstack([both[:, 0], both[-1:, 1]])
 
     @property
     def at_nodes(self) -> tuple[Array, Array, Array, Array]:
-        """r ``(n, k + 1, 2)`` and theta ``(n, k + 1)`` at the nodes, p and f at the Gauss points ``(n, k)``."""
+        """r in the complex plane and theta at the nodes ``(n, k + 1)``, p and f at the Gauss points ``(n, k)``."""
         at, values = local(self.degree), self.values
-        r = on_chords(self.chords, points(self.degree)[0]) + values[:, at.r]
-        return r, values[:, at.theta], values[:, at.p], values[:, at.f]
+        return (
+            self.r(points(self.degree)[0], np.eye(self.degree + 1)),
+            values[:, at.theta],
+            values[:, at.p],
+            values[:, at.f],
+        )
 
     @property
     def friction_force(self) -> float:
@@ -131,8 +151,8 @@ class State:
         return float((self.values[:, local(self.degree).f] @ gauss_weights(self.degree)) @ self.length)
 
     def r(self, xi: Array, nodal: Array) -> Array:
-        """Positions ``(n, m, 2)`` in all cells, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""
-        return on_chords(self.chords, xi) + nodal @ self.values[:, local(self.degree).r]
+        """Positions in the complex plane ``(n, m)``, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""
+        return self._center + (on_chords(self._chords, xi) + self._deviation @ nodal.T)
 
     @functools.cached_property
     def force(self) -> Array:
@@ -143,16 +163,16 @@ class State:
         strain is the small difference of two angles, and the more of it is error the thinner the belt is.
         """
         at, values, (nodal, slopes) = local(self.degree), self.values, at_gauss(self.degree)
-        dr = (self.chords[:, None, 2:] + slopes @ values[:, at.r]) / self.length[:, None, None]
+        dr = (self._chords[:, 1:] + self._deviation @ slopes.T) / self.length[:, None]
         e1 = np.exp(1j * (values[:, at.theta] @ nodal.T))
-        strain = dr.view(complex)[..., 0] * e1.conj() - 1.0
-        return (self.belt.extensional_stiffness * strain.real + 1j * self.belt.shear_stiffness * strain.imag) * e1
+        strain = dr * e1.conj() - 1.0
+        belt = self.scene.belt
+        return (belt.extensional_stiffness * strain.real + 1j * belt.shear_stiffness * strain.imag) * e1
 
-    def slope(self, force: Array, theta: Array) -> Array:
-        """The slope r' = (1 + eps) e1 + Gamma e2 that a force in global axes calls for (18.5), in the complex plane."""
-        e1 = np.exp(1j * theta)
-        Q = force * e1.conj()
-        return (1.0 + Q.real / self.belt.extensional_stiffness + 1j * Q.imag / self.belt.shear_stiffness) * e1
+    def strain(self, force: Array, theta: Array) -> Array:
+        """Strains eps + i Gamma of a force in global axes (18.5); r' is (1 + eps + i Gamma) e1 (18.6)."""
+        belt, Q = self.scene.belt, force * np.exp(-1j * theta)
+        return Q.real / belt.extensional_stiffness + 1j * (Q.imag / belt.shear_stiffness)
 
     @functools.cached_property
     def dense(self) -> Dense:
@@ -160,12 +180,12 @@ class State:
         at, values, length = local(self.degree), self.values, self.length[:, None]
         nodal, slopes, gauss, _ = tables(self.degree)
         theta = values[:, at.theta] @ nodal.T
-        slope = self.slope(self.force @ gauss.T, theta)
+        strain = self.strain(self.force @ gauss.T, theta)
         return Dense(
             sigma=self.sigma[:, :1] + length * EVEN,
             r=self.r(EVEN, nodal),
-            D=np.abs(slope),
-            phi=np.angle(slope),
+            strain=strain,
+            D=np.abs(1.0 + strain),
             theta=theta,
             kappa=values[:, at.theta] @ slopes.T / length,
             p=values[:, at.p] @ gauss.T,
@@ -189,11 +209,10 @@ class State:
         return cell, (sigma - left[cell]) / self.length[cell]
 
     def at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
-        """r and theta at points ``xi`` of cells ``(m,)``."""
-        at, values = local(self.degree), self.values[cell]
-        nodal = lagrange_basis(points(self.degree)[0], xi)[0]
-        r = on_chords(self.chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mic->mc", nodal, values[:, at.r])
-        return r, np.einsum("mi,mi->m", nodal, values[:, at.theta])
+        """r in the complex plane and theta at points ``xi`` of cells ``(m,)``."""
+        nodal, theta = lagrange_basis(points(self.degree)[0], xi)[0], self.values[cell][:, local(self.degree).theta]
+        arm = on_chords(self._chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mi->m", nodal, self._deviation[cell])
+        return self._center + arm, np.einsum("mi,mi->m", nodal, theta)
 
     def tractions_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """p and f at points ``xi`` of cells ``(m,)``."""
@@ -201,18 +220,18 @@ class State:
         basis = lagrange_basis(points(self.degree)[1], xi)[0]
         return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
 
-    def slopes_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
-        """Slopes r' in the complex plane, and those of theta, at points ``xi`` of cells ``(m,)``."""
+    def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
+        """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""
         (nodes, gauss), theta = points(self.degree), self.values[cell][:, local(self.degree).theta]
         nodal, slopes = lagrange_basis(nodes, xi)
         force = np.einsum("mi,mi->m", lagrange_basis(gauss, xi)[0], self.force[cell])
-        slope = self.slope(force, np.einsum("mi,mi->m", nodal, theta))
-        return slope, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
+        strain = self.strain(force, np.einsum("mi,mi->m", nodal, theta))
+        return strain, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
 
 
 def on_chords(chords: Array, xi: Array) -> Array:
-    """Points ``(n, m, 2)`` on chords ``(n, 4)``, at the same ``xi`` ``(m,)`` on each, or at others ``(n, m)``."""
-    return chords[:, None, :2] + xi[..., None] * chords[:, None, 2:]
+    """Points ``(n, m)`` on chords ``(n, 2)``, at the same ``xi`` ``(m,)`` on each or others ``(n, m)``; all complex."""
+    return chords[:, :1] + xi * chords[:, 1:]
 
 
 def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, elements: int | None) -> State:
@@ -221,19 +240,30 @@ def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, 
     mesh, cells = divided(zones, ends, **layers, elements=elements)
     values = np.zeros((len(cells), width(degree)))
     values[:, local(degree).sigma[1]] = np.diff(ends)[mesh.zone] * (cells[:, 1] - cells[:, 0])
-    return State(scene.belt, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
+    return State(scene, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
 
 
 def _placed(scene: Scene, state: State, r: Array, theta: Array) -> State:
-    """Puts the nodes to ``r`` ``(n, k + 1, 2)`` and ``theta`` ``(n, k + 1)``, and the belt's ends into the clamps."""
-    at = local(state.degree)
-    r[0, 0], r[-1, 1] = (-scene.span / 2, 0.0), (scene.span / 2, 0.0)
+    """Puts the nodes to ``r``, in the complex plane, and ``theta`` ``(n, k + 1)``, and the ends into the clamps."""
+    r[0, 0], r[-1, 1] = -scene.span / 2, scene.span / 2
     theta[0, 0] = theta[-1, 1] = 0.0
-    state.chords[:, :2], state.chords[:, 2:] = r[:, 0], r[:, 1] - r[:, 0]
-    state.values[:, at.theta] = theta
-    state.values[:, at.r] = r - on_chords(state.chords, points(state.degree)[0])
-    state.values[:, at.r[:2]] = 0.0
+    state.values[:, local(state.degree).theta] = theta
+    arm, chords, deviation = r - state._center, state._chords, state._deviation
+    arm[1:, 0] = arm[:-1, 1]
+    left, right = arm[:, 0], arm[:, 1]
+    chords[:, 0], chords[:, 1] = left, right - left
+    deviation[:] = arm - on_chords(chords, points(state.degree)[0])
+    deviation[:, 0], deviation[:, 1] = 0.0, sum_error(right, -left, right - left)
     return state
+
+
+def sum_error(a: Array, b: Array, rounded: Array) -> Array:
+    """What ``rounded``, the floating-point sum of ``a`` and ``b``, is less than the exact one; itself exact.
+
+    D. E. Knuth, "The Art of Computer Programming", volume 2, section 4.2.2.
+    """
+    of_b = rounded - a
+    return (a - (rounded - of_b)) + (b - of_b)
 
 
 def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, elements: int | None = None) -> State:
@@ -259,7 +289,7 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     p = np.where(state.mesh.touches, tension * D / scene.pulleys[0].radius, 0.0)
     state.values[:, at.p] = p[:, None]
     state.values[:, at.f] = (-state.mesh.senses * scene.pulleys[0].friction * p)[:, None]
-    return _placed(scene, state, string.r(inside).reshape(n, -1, 2), string.phi(inside).reshape(n, -1))
+    return _placed(scene, state, string.r(inside).view(complex).reshape(n, -1), string.phi(inside).reshape(n, -1))
 
 
 def from_fields(
@@ -280,7 +310,7 @@ def from_fields(
     state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
     if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
         same = old.of_degree(degree)
-        state = replace(same, belt=scene.belt, ends=ends, chords=same.chords.copy(), values=same.values.copy())
+        state = replace(same, scene=scene, ends=ends, chords=same.chords.copy(), values=same.values.copy())
         r, theta, p, f = state.at_nodes
     else:
         nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))
@@ -293,14 +323,14 @@ def from_fields(
 
 
 def _read(old: Fields | State, nodes: Array, gauss: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """r and theta at the nodes ``(n, k + 1)``, p and f at the Gauss points ``(n, k)``."""
+    """r in the complex plane and theta at the nodes ``(n, k + 1)``, p and f at the Gauss points ``(n, k)``."""
     if isinstance(old, State):
         r, theta = old.at(*old.located(nodes.ravel()))
         p, f = old.tractions_at(*old.located(gauss.ravel()))
-        return (r.reshape(*nodes.shape, 2), theta.reshape(nodes.shape)), (
+        return (r.reshape(nodes.shape), theta.reshape(nodes.shape)), (
             p.reshape(gauss.shape),
             f.reshape(gauss.shape),
         )
-    r = np.stack([np.interp(nodes, old.sigma, x) for x in old.r.T], axis=2)
+    r = np.interp(nodes, old.sigma, old.r[:, 0] + 1j * old.r[:, 1])
     p, f = (np.interp(gauss, old.sigma, field) for field in (old.p, old.f))
     return (r, np.interp(nodes, old.sigma, old.theta)), (p, f)

@@ -152,6 +152,8 @@ class Solution:
         checks: The certificate.
         iterations: Newton iterations in all.
         error_estimate: Estimated relative error of omega; NaN where the method has none.
+        field_errors: Estimated largest error of each field, relative to the field's largest value on the belt [-];
+            empty where the method has none.
         stages: The stages, those that were skipped too.
         measures: What the iteration stopped on, by name.
         state: What a warm start needs, private to the method.
@@ -168,6 +170,7 @@ class Solution:
     checks: tuple[Check, ...] = field(default=(), repr=False)
     iterations: int = 0
     error_estimate: float = float("nan")
+    field_errors: Mapping[str, float] = field(default_factory=dict)
     stages: tuple[Stage, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
     state: Any = field(default=None, repr=False, compare=False)
@@ -279,6 +282,7 @@ class Solution:
             "zones": [_zone_summary(zone) for zone in self.zones],
             "iterations": self.iterations,
             "error_estimate": None if np.isnan(self.error_estimate) else self.error_estimate,
+            "field_errors": dict(self.field_errors),
             "measures": dict(self.measures),
             "stages": [{f.name: getattr(stage, f.name) for f in fields(stage)} for stage in self.stages],
             "timings": dict(self.timings),

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from belt_fenicsx.fields import Array
+from belt_fenicsx.fields import Array, vectors
 from belt_fenicsx.scene import Pulley, Scene
 
 LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
@@ -60,7 +60,7 @@ class TautString:
         """Position at ``sigma``, ``(m, 2)`` for ``(m,)`` [m]."""
         piece = self._piece(sigma)
         length = self.stretches[piece] * (sigma - self.sigma[piece])
-        return self.r_ends[piece] + _vectors(_chord(length, self.phi_ends[piece], self.phi(sigma)))
+        return self.r_ends[piece] + vectors(_chord(length, self.phi_ends[piece], self.phi(sigma)))
 
     def _piece(self, sigma: Array) -> Array:
         return np.minimum(self.sigma[1:].searchsorted(sigma, side="right"), self.stretches.size - 1)
@@ -106,7 +106,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
         x=pulley.center[0] - pulley.radius * np.sin(angles),
         strain=strain * growth[[0, -1]],
         sigma=sigma,
-        r_ends=_vectors(np.append(0.0, np.cumsum(_chord(lengths, phi_ends[:-1], phi_ends[1:]))) - scene.span / 2),
+        r_ends=vectors(np.append(0.0, np.cumsum(_chord(lengths, phi_ends[:-1], phi_ends[1:]))) - scene.span / 2),
         phi_ends=phi_ends,
         stretches=stretches,
     )
@@ -152,8 +152,3 @@ def _chord(length: Array, start: Array, end: Array) -> Array:
     """Ways from end to end of arcs, from their lengths and their tangents' angles, in the complex plane ``(m,)``."""
     half = (end - start) / 2 + TINY
     return length * (np.sin(half) / half) * np.exp(0.5j * (start + end))
-
-
-def _vectors(places: Array) -> Array:
-    """Points of the complex plane as vectors ``(m, 2)``."""
-    return places.view(float).reshape(-1, 2)

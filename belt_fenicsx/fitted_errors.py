@@ -1,0 +1,93 @@
+"""How far a state is from the exact answer, from what the last degree changed.
+
+From one even degree to the next, errors fall by factors of 7 to 3000 (measured on scenes at random). So what a degree
+changes is the error of the degree before, and a part of it is left. That part is taken from how fast the changes fall:
+
+    left = min(LEFT, GAIN change of p / change of p by the degree before)
+
+Where rounding is reached, changes fall no further and the part is the largest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from belt_fenicsx.condensed import local
+from belt_fenicsx.fields import Array
+from belt_fenicsx.fitted_answer import pulley_speed
+from belt_fenicsx.fitted_state import State
+from belt_fenicsx.scene import Scene
+
+# Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
+# units of the factor by which the change of the pressure fell since the degree before.
+LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
+LEAST = 3e-7  # part of the pressure's change by which the speed is wrong at least: its own can be small by accident
+ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
+BENDING = 2000.0  # in that of a bending force there, for each cell: the larger one from some hundred cells on
+# Part of a field's change that is left, in units of the factor by which the pressure's fell; at least and at most.
+# Changes that fall no further are rounding, of which the first of two can be the smaller.
+FIELD_GAIN, FIELD_LEAST, FIELD_MOST = 4.0, 1 / 5, 3.0
+# Components of the fields that are compared; the bending moment goes with kappa.
+ROWS = {"r": 2, "theta": 1, "D": 1, "eps": 1, "Gamma": 1, "kappa": 1, "Q": 2, "p": 1, "f": 1, "v_rel": 1}
+
+
+def change_of_pressure(start: State, end: State) -> float:
+    """Largest change of the pressure, relative to its largest value."""
+    p, p_start = (state.values[:, local(end.degree).p] for state in (end, start))
+    return float(np.abs(p - p_start).max() / p.max())
+
+
+def error_of_known(scene: Scene, before: State, state: State, change: float, change_before: float) -> float:
+    """Estimated relative error of the angular velocity; where that is given, of the stretch that makes the torque.
+
+    Args:
+        scene: The dimensionless scene.
+        before: The state of the degree before.
+        state: The state.
+        change: Change of the pressure by the last degree.
+        change_before: That by the degree before; zero where there is none.
+    """
+    left = min(LEFT, GAIN * change / change_before) if change_before else LEFT_FIRST
+    return max(left * abs(1.0 - _known(scene, before) / _known(scene, state)), LEAST * change, rounding(scene, state))
+
+
+def _known(scene: Scene, state: State) -> float:
+    """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+
+
+def rounding(scene: Scene, state: State) -> float:
+    """Rounding error of the angular velocity: that of slopes, and of forces by bending, in the shortest cells."""
+    shortest, belt = state.length.min(), scene.belt
+    bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
+    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending) / shortest)
+
+
+def errors_of_fields(
+    scene: Scene, before: State, state: State, change: float, change_before: float
+) -> dict[str, float]:
+    """Estimated largest error of each field, relative to its largest value on the belt.
+
+    Args:
+        scene: The dimensionless scene.
+        before: The state of the degree before, on the same cells.
+        state: The state.
+        change: Change of the pressure by the last degree.
+        change_before: That by the degree before; zero where there is none.
+    """
+    fall = change / change_before if change_before else 0.0
+    left = min(max(FIELD_GAIN * fall, FIELD_LEAST), FIELD_MOST)
+    old, new = _table(scene, before), _table(scene, state)
+    starts = np.cumsum([0, *ROWS.values()])[:-1]
+    changes, sizes = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
+    # Without friction, the traction f is zero, and so is its error.
+    errors = dict(zip(ROWS, (left * changes / np.where(sizes > 0.0, sizes, 1.0)).tolist(), strict=True))
+    return {**errors, "M": errors["kappa"]}
+
+
+def _table(scene: Scene, state: State) -> Array:
+    """The fields of `ROWS` densely in all cells ``(rows, n, POINTS)``."""
+    dense, belt = state.dense, scene.belt
+    r, eps, Gamma, D = dense.r, dense.strain.real, dense.strain.imag, dense.D
+    Q1, Q2, v_rel = belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma, D - pulley_speed(scene, state)
+    return np.array([r.real, r.imag, dense.theta, D, eps, Gamma, dense.kappa, Q1, Q2, dense.p, dense.f, v_rel])
