@@ -6,6 +6,7 @@ import atexit
 import functools
 import logging
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -27,6 +28,9 @@ LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 MOST_ITERATIONS = 30
 STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
 SETTLED = 0.1  # of the same, that the last step may take
+# Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
+# Python's own lock would let another one in between two steps.
+TURNS = threading.RLock()
 
 
 class Iteration:
@@ -217,19 +221,25 @@ class Newton:
         Returns:
             The new state, and the number of iterations; negative where they did not converge.
         """
-        iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
-        iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
-        self.snes.setPythonContext(iteration)
-        self.snes.solve(None, self._x)
-        iterations = self.snes.getIterationNumber()
-        values, chords = iteration.values.copy(), iteration.chords[:, :4].copy()
-        state = replace(start, ends=iteration.ends, chords=chords, values=values)
-        return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
+        with TURNS:
+            iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
+            iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
+            self.snes.setPythonContext(iteration)
+            self.snes.solve(None, self._x)
+            iterations = self.snes.getIterationNumber()
+            values, chords = iteration.values.copy(), iteration.chords[:, :4].copy()
+            state = replace(start, ends=iteration.ends, chords=chords, values=values)
+            return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
+
+
+def newton(options: tuple[tuple[str, Any], ...]) -> Newton:
+    """The solver with these options; made once in a process."""
+    with TURNS:
+        return _newton(options)
 
 
 @functools.lru_cache(maxsize=8)
-def newton(options: tuple[tuple[str, Any], ...]) -> Newton:
-    """The solver with these options; made once in a process."""
+def _newton(options: tuple[tuple[str, Any], ...]) -> Newton:
     return Newton(dict(options))
 
 
