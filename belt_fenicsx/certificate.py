@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Check, Solution, Status, Zone
+from belt_fenicsx.solution import Check, Contact, Solution, Status, Zone
 
-# Sums over the whole contact of values that are known at points: what is wrong in kind misses by far more.
-BALANCE = 1e-3
+BALANCE = 1e-4  # of the tension: sums over the contact of values at points; what is wrong in kind misses by far more
+DRIVE = 1e-9  # of what friction can transmit, by which a drive may be missed
+ROUNDING = 64 * float(np.finfo(float).eps)  # of a force, in units of the extensional stiffness
+MOST = 1e-3  # of what is checked, that the estimated error of a field may excuse
 SENSE = {"forward": 1.0, "backward": -1.0}
 
 
@@ -28,7 +32,9 @@ def certified(solution: Solution, *, tolerance: float) -> Solution:
     """
     if solution.fields is None:
         raise ValueError("A solution without fields cannot be certified.")
-    checks = certify(solution.scene, solution.zones, solution.fields, tolerance=tolerance)
+    scene, zones, fields = solution.scene, solution.zones, solution.fields
+    checks = certify(scene, zones, fields, tolerance=tolerance, errors=solution.field_errors)
+    checks += _drive_met(scene, solution.contacts[0], fields)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
@@ -46,48 +52,83 @@ def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
     raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
 
 
-def certify(scene: Scene, zones: tuple[Zone, ...], fields: Fields, *, tolerance: float) -> tuple[Check, ...]:
-    """Checks borders, pressure, penetration, Coulomb's bound and the sense of sliding.
+def certify(
+    scene: Scene,
+    zones: tuple[Zone, ...],
+    fields: Fields,
+    *,
+    tolerance: float,
+    errors: Mapping[str, float] = MappingProxyType({}),
+) -> tuple[Check, ...]:
+    """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding and the balances.
+
+    Each margin is relative to the size of what it checks: friction to mu p, a sliding speed to the largest one of its
+    zone, forces to the tension.
 
     Args:
         scene: The scene, in the units of the other arguments.
         zones: All zones, in the direction of travel.
         fields: Fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
+        errors: Estimated errors of fields, relative to their largest values, which a margin is allowed, too.
 
     Returns:
         One check for each condition that the zones call for.
     """
-    pulley = scene.pulleys[0]
+    pulley, checks = scene.pulleys[0], [_borders_in_order(scene, zones)]
     touching, sticking, sliding = (
         np.array([zone.kind in kinds for zone in zones])[fields.zone]
         for kinds in (("stick", "slip"), ("stick",), ("slip",))
     )
+
+    def check(name: str, where: Array, values: Array, size: Array, error: float = 0.0) -> None:
+        """Adds a check: where they count, values relative to their size are at least zero, up to an error."""
+        if where.any():
+            # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
+            sizes = np.where(size > 0.0, size, math.nan)[where]
+            margins, allowed = values[where] / sizes, tolerance + np.minimum(error / sizes, MOST)
+            index = int((margins + allowed).argmin())
+            x = float(fields.x[where][index])
+            checks.append(Check(name=name, margin=float(margins[index]), tolerance=float(allowed[index]), x=x))
+
+    everywhere = np.ones_like(fields.p)
     p_max = np.max(fields.p, initial=0.0)
     gap = np.hypot(*(fields.r - np.asarray(pulley.center)).T) - pulley.radius
-
-    checks = [_borders_in_order(scene, zones)]
-
-    def check(name: str, margin: Array, where: Array) -> None:
-        # The smallest of them is NaN where one of them is.
-        margins = margin[where]
-        if margins.size:
-            index = int(margins.argmin())
-            x = float(fields.x[where][index])
-            checks.append(Check(name=name, margin=float(margins[index]), tolerance=tolerance, x=x))
-
-    check("no penetration outside contact", gap / pulley.radius, ~touching)
-    check("positive pressure in contact", fields.p / (p_max or math.nan), touching)
+    check("no penetration outside contact", ~touching, gap, pulley.radius * everywhere)
+    check("positive pressure in contact", touching, fields.p, p_max * everywhere)
     if pulley.friction > 0.0:
-        scale = pulley.friction * (p_max or math.nan)
-        check("Coulomb's bound in stick", (pulley.friction * fields.p - np.abs(fields.f)) / scale, sticking)
+        bound, f = pulley.friction * fields.p, np.abs(fields.f)
+        unknown = errors.get("f", 0.0) * float(f.max())
+        check("Coulomb's bound in stick", sticking, bound - f, np.abs(bound), unknown)
         sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
-        speed = scene.transport_rate * fields.D
-        check("sense of sliding in slip", sense * fields.v_rel / speed, sliding)
+        speed = np.abs(fields.v_rel)
+        largest = np.array([speed[fields.zone == index].max(initial=0.0) for index in range(len(zones))])[fields.zone]
+        unknown = errors.get("v_rel", 0.0) * float(speed.max()) + ROUNDING * scene.transport_rate
+        check("sense of sliding in slip", sliding, sense * fields.v_rel, largest, unknown)
+    allowed = max(tolerance, BALANCE) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
     for name, margin in _balances(scene, fields):
-        allowed = max(tolerance, BALANCE)
         checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))
     return tuple(checks)
+
+
+def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, ...]:
+    """Whether the place, the speed or the torque that drives the pulley is met, relative to what friction can transmit.
+
+    A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
+    nothing sticks, any speed is met. A place is missed by its distance, relative to the contact.
+    """
+    pulley, b1 = scene.pulleys[0], scene.belt.extensional_stiffness
+    capacity = pulley.friction * float(fields.weight @ fields.p)
+    if not capacity > 0.0 or isinstance(pulley.x_trans, str):
+        return ()
+    unknown = ROUNDING * b1 / capacity
+    if pulley.drive == "x_trans":
+        missed = abs(contact.x_trans - pulley.x_trans) / (contact.x_off - contact.x_up)
+    elif pulley.drive == "torque":
+        missed = abs(contact.torque - pulley.torque) / (pulley.radius * capacity)
+    else:
+        missed = abs(contact.omega - pulley.omega) * pulley.radius / scene.transport_rate * b1 / capacity
+    return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 
 def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
@@ -95,10 +136,10 @@ def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
 
     What the pulley exerts, summed up along the contact, has to be what the belt's forces and moments in the two free
     spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to
-    the whole pressure.
+    the tension, the largest force in the belt.
     """
-    pulley, whole = scene.pulleys[0], fields.weight @ fields.p
-    if not whole > 0.0:
+    pulley = scene.pulleys[0]
+    if not np.any(fields.p):
         return []
     # Vectors in the complex plane.
     arm = fields.x - pulley.center[0] + 1j * (fields.y - pulley.center[1])
@@ -109,9 +150,10 @@ def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
     first, last = (_mean(fields.zone == zone, fields.weight) for zone in (0, fields.zone[-1]))
     defect = fields.weight @ load + (last - first) @ force
     twist = fields.weight @ (arm.conj() * load).imag + (last - first) @ moment
+    tension = np.abs(force).max()
     return [
-        ("balance of forces", -float(abs(defect) / whole)),
-        ("balance of moments", -float(abs(twist) / (whole * pulley.radius))),
+        ("balance of forces", -float(abs(defect) / tension)),
+        ("balance of moments", -float(abs(twist) / (tension * pulley.radius))),
     ]
 
 

@@ -25,12 +25,12 @@ def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
 
 
 def pulley_speed(scene: Scene, state: State) -> float:
-    """Speed of the pulley's surface: that of the belt in stick, or a given one, also where nothing sticks.
+    """Speed of the pulley's surface: that of the belt in stick.
 
-    Where the belt slides all along, it is that of the belt where it is nearest to stick.
+    Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.drive == "omega":
+    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
         return pulley.omega * pulley.radius
     if state.mesh.zones.transition or pulley.friction == 0.0:
         return state.D_stick

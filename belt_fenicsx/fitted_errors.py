@@ -22,8 +22,8 @@ from belt_fenicsx.scene import Scene
 # units of the factor by which the change of the pressure fell since the degree before.
 LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
 LEAST = 3e-7  # part of the pressure's change by which the speed is wrong at least: its own can be small by accident
-ROUNDING = 64.0  # in that of a slope in the shortest cell; mostly it is less than a tenth of this
-BENDING = 2000.0  # in that of a bending force there, for each cell: the larger one from some hundred cells on
+ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
+BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
 # Part of a field's change that is left, in units of the factor by which the pressure's fell; at least and at most.
 # Changes that fall no further are rounding, of which the first of two can be the smaller.
 FIELD_GAIN, FIELD_LEAST, FIELD_MOST = 4.0, 1 / 5, 3.0
@@ -57,10 +57,10 @@ def _known(scene: Scene, state: State) -> float:
 
 
 def rounding(scene: Scene, state: State) -> float:
-    """Rounding error of the angular velocity: that of slopes, and of forces by bending, in the shortest cells."""
+    """Rounding error of the angular velocity: that of stretches, and of forces by bending in the shortest cells."""
     shortest, belt = state.length.min(), scene.belt
     bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
-    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending) / shortest)
+    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending / shortest))
 
 
 def errors_of_fields(

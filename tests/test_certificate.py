@@ -35,6 +35,7 @@ def test_the_published_case_is_admissible(solution):
         "sense of sliding in slip",
         "balance of forces",
         "balance of moments",
+        "drive met",
     ]
 
 
