@@ -7,6 +7,8 @@
    suffices, with twice as many cells.
 4. On the way, where Coulomb's bound breaks in stick or sliding has the wrong sense, change the zones
    (`fitted_order`).
+5. Where this finds no admissible state, start once more from the zones and fields of the boundary-value problem. The
+   equations and the certificate are still this method's own.
 
 The fields are smooth inside of each zone, so that the error falls by the same factor from each degree to the next. To
 be exact, it does so in two sequences: among the odd degrees the error may change its sign, and then be small by
@@ -18,7 +20,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,12 +31,11 @@ from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fitted_answer import answer, fields_at
 from belt_fenicsx.fitted_errors import change_of_pressure, error_of_known, errors_of_fields, rounding
-from belt_fenicsx.fitted_limits import check_limits, near_by
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
-from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, Run, meets, starts
+from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, WARM, Run, Start, meets, starts, warm
 from belt_fenicsx.fitted_state import State
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.scene import RUN_UP, Scene, SceneError, Slip
 from belt_fenicsx.solution import Solution, Status, finish
 from belt_fenicsx.stages import Stopped
 
@@ -86,30 +87,56 @@ def solve(
     """
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
-    dimensionless, units = scene.dimensionless()
-    run = Run(scene, dimensionless, units, elements, newton(tuple(sorted((options or {}).items()))))
-    solution = solved(run, initial, rtol, degree)
+    run = Run(scene, *scene.dimensionless(), elements, newton(tuple(sorted((options or {}).items()))))
+    solution = solved(run, starts(run, initial), rtol, degree)
+    if solution.status is Status.CAPACITY_EXCEEDED and not exceeds_capacity(scene):
+        solution = replace(solution, status=Status.NEWTON_DIVERGED, message="Sliding all along is not admissible.")
     if solution.status in UNFINISHED:
-        if solution.contacts:
-            check_limits(scene, solve)
-        if initial is None and (near := near_by(scene, solve)) is not None:
-            asked = {"rtol": rtol, "elements": elements, "degree": degree, "options": options}
-            again = solve(scene, **asked, initial=near, throw=False)
-            if again.success:
-                stages, iterations = (*solution.stages, *again.stages), solution.iterations + again.iterations
-                solution = replace(again, stages=stages, iterations=iterations)
+        solution = rescued(run, solution, rtol, degree)
     return finish(solution, throw=throw)
 
 
-def solved(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> Solution:
-    """The solution with its certificate, or what there is of it.
+def exceeds_capacity(scene: Scene) -> bool:
+    """Whether a torque is beyond that of sliding all along, which has to be admissible itself."""
+    pulley = scene.pulleys[0]
+    sliding: Slip = "forward" if pulley.torque > 0.0 else "backward"
+    limit = replace(pulley, torque=None, x_trans=RUN_UP, slip=sliding)
+    if pulley.friction == 0.0:
+        return True
+    solution = solve(replace(scene, pulleys=(limit,)), throw=False)
+    return solution.success and abs(pulley.torque) > abs(solution.contacts[0].torque)
+
+
+def rescued(run: Run, failed: Solution, rtol: float, degree: int | None) -> Solution:
+    """The solution from the zones and fields of the boundary-value problem; the failed one where these do not lead on.
+
+    Raises:
+        SceneError: The transition lies outside of the contact.
+    """
+    # It loads SciPy, which most scenes need not wait for.
+    from belt_fenicsx import bvp
+
+    other = bvp.solve(run.asked, throw=False)
+    run.stages.ran("boundary-value problem", f"{failed.status.name} so far; it may find the zones", other.iterations)
+    if other.success:
+        solution = solved(run.once_more(), [functools.partial(warm, initial=other)], rtol, degree)
+        if solution.success or solution.status is Status.ACCURACY_NOT_REACHED:
+            return solution
+    status = other.status if other.status is Status.CAPACITY_EXCEEDED else failed.status
+    message = f"{failed.message} The boundary-value problem: {' '.join((other.status.value, other.message)).strip()}"
+    stages = run.stages
+    return replace(failed, status=status, message=message.strip(), stages=tuple(stages), iterations=stages.iterations)
+
+
+def solved(run: Run, ways: Sequence[Start], rtol: float, degree: int | None) -> Solution:
+    """The solution with its certificate, or what there is of it, by the first of several ways to start.
 
     Raises:
         SceneError: The transition lies outside of the contact.
     """
     scene = run.asked
     try:
-        result = found(run, initial, rtol, degree)
+        result = found(run, ways, rtol, degree)
     except Stopped as stopped:
         return _ended(run, status=stopped.status, message=stopped.message)
     missed = "" if degree is not None else result.missed(rtol)
@@ -170,26 +197,30 @@ def of_fields(rtol: float) -> float:
     return math.sqrt(rtol)
 
 
-def found(run: Run, initial: Solution | None, rtol: float, degree: int | None) -> Result:
+def found(run: Run, ways: Sequence[Start], rtol: float, degree: int | None) -> Result:
     """The result that `raised` gives back, with twice as many cells where no degree suffices.
 
     Raises:
         Stopped: There is none.
     """
     failure = None
-    for start in starts(run, initial):
+    for start in ways:
         try:
             result = raised(run, start(run), rtol, degree)
             if not meets(run, result.state):
                 continue
             if degree is None and result.missed(rtol) and rtol > rounding(run.scene, result.state):
-                result = raised(run, finer(run, result.state), rtol, degree)
+                # Shorter cells do not help against rounding, and may lead nowhere; then what there is has to do.
+                try:
+                    better = raised(run, finer(run, result.state), rtol, degree)
+                except Stopped as stopped:
+                    run.stages.skipped("more cells", str(stopped))
+                else:
+                    result = result if better.missed(rtol) else better
             return result
         except Stopped as stopped:
             if stopped.status not in UNFINISHED:
                 raise
-            if failure is None:
-                check_limits(run.asked, solve)
             # That contact is not one arc says more than that there was no convergence.
             failure = stopped if failure is None or stopped.status is Status.NOT_ADMISSIBLE else failure
     raise failure or Stopped(Status.NEWTON_DIVERGED, "No zones meet the drive.")
@@ -258,6 +289,6 @@ def reviewed(run: Run, state: State, error: float) -> State:
 
 
 def finer(run: Run, state: State) -> State:
-    """The same zones with twice as many cells, at the lowest degree."""
+    """The same zones with twice as many cells, at a low degree."""
     run.elements = 2 * len(state.cells)
-    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough")
+    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough", degree=WARM)

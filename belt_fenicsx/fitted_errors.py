@@ -68,6 +68,8 @@ def errors_of_fields(
 ) -> dict[str, float]:
     """Estimated largest error of each field, relative to its largest value on the belt.
 
+    In stick all along, friction may be next to nothing; its errors are relative to what it could be at most, mu p.
+
     Args:
         scene: The dimensionless scene.
         before: The state of the degree before, on the same cells.
@@ -79,9 +81,11 @@ def errors_of_fields(
     left = min(max(FIELD_GAIN * fall, FIELD_LEAST), FIELD_MOST)
     old, new = _table(scene, before), _table(scene, state)
     starts = np.cumsum([0, *ROWS.values()])[:-1]
-    changes, sizes = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
+    changes, largest = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
+    sizes = dict(zip(ROWS, largest.tolist(), strict=True))
+    sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
     # Without friction, the traction f is zero, and so is its error.
-    errors = dict(zip(ROWS, (left * changes / np.where(sizes > 0.0, sizes, 1.0)).tolist(), strict=True))
+    errors = {name: left * change / (sizes[name] or 1.0) for name, change in zip(ROWS, changes.tolist(), strict=True)}
     return {**errors, "M": errors["kappa"]}
 
 

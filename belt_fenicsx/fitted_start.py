@@ -3,8 +3,7 @@
 1. From a solution that is given.
 2. From the taut string; for a given speed or moment, by way of the belt in pure stick. It has one border less to be
    found, shows where the contact is, and in which sense and about how far the belt slides.
-3. Where Newton's iteration fails, from a belt that bends more easily; at last, a coarse run of the augmented
-   Lagrangian finds the zones to start from.
+3. Where Newton's iteration fails, from a belt that bends more easily, or from pure stick.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.certificate import SENSE
+from belt_fenicsx.certificate import DRIVE, ROUNDING, SENSE
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_newton import Newton
 from belt_fenicsx.fitted_order import SHORTEST, transition
 from belt_fenicsx.fitted_state import State, from_fields, from_string
-from belt_fenicsx.scene import RUN_OFF, RUN_UP, Scene, Slip, Units
+from belt_fenicsx.scene import RUN_OFF, Scene, Slip, Units
 from belt_fenicsx.solution import Solution, Status
 from belt_fenicsx.stages import Stages, Stopped
 from belt_fenicsx.taut_string import TautString, taut_string
@@ -32,11 +31,15 @@ LOWEST = 4  # degree
 FINE = 8  # degree, with which a moment is said to be too large
 ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
-MET = 1e-8  # how closely pure stick has to meet a given stretch, or a force in units of b1
+PLACED = 1e-8  # the same where pure stick or pure slip is to be known well
+WARM = 6  # degree that a given solution starts with
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
 PRESSED = 2.0  # bending layers, in the free span of a belt that its clamp presses onto the pulley
-COARSE = 80  # elements of the augmented Lagrangian
+BUDGET = 300  # Newton iterations of all starts
+SHORT_SLIP = 0.05  # of the contact, below which pure stick has to be known well to tell where a slip zone begins
+
+Start = Callable[["Run"], State]
 
 
 @dataclass
@@ -50,6 +53,7 @@ class Run:
         elements: Number of cells; None for as many as the layers call for.
         solver: The solver of Newton's iterations.
         stages: What was done so far.
+        most: Newton iterations, counted from the first stage on, after which it ends.
     """
 
     asked: Scene
@@ -58,9 +62,22 @@ class Run:
     elements: int | None
     solver: Newton
     stages: Stages = field(default_factory=Stages)
+    most: int = BUDGET
+
+    def once_more(self) -> Run:
+        """The same run with as many iterations again."""
+        return replace(self, most=self.stages.iterations + BUDGET)
 
     def newton(self, state: State, why: str, *, arrived: float = ARRIVED, held: bool = False) -> State:
-        """Newton's iteration from a state, with elements of its degree; its first step may hold the borders."""
+        """Newton's iteration from a state, with elements of its degree; its first step may hold the borders.
+
+        Raises:
+            Stopped: It does not converge, or there were too many iterations already.
+        """
+        if self.stages.iterations >= self.most:
+            tried = ", ".join(dict.fromkeys(stage.why for stage in self.stages if stage.iterations))
+            message = f"At degree {state.degree}, from {why}: {self.most} iterations are spent, tried were {tried}."
+            raise Stopped(Status.NEWTON_DIVERGED, message)
         result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
         self.stages.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
@@ -78,15 +95,15 @@ class Run:
         return replace(self, scene=replace(self.scene, pulleys=(pulley,)))
 
 
-def starts(run: Run, initial: Solution | None) -> list[Callable[[Run], State]]:
+def starts(run: Run, initial: Solution | None) -> list[Start]:
     """Ways to a state of the lowest degree, of which each is for scenes in which those before it fail."""
     pulley = run.scene.pulleys[0]
-    ways = [] if initial is None else [functools.partial(_warm, initial=initial)]
+    ways: list[Start] = [] if initial is None else [functools.partial(warm, initial=initial)]
     if pulley.drive != "x_trans" and pulley.friction > 0.0:
-        return [*ways, _driven, _sticking, _sliding]
+        return [*ways, _driven]
     if len(posed(run.scene).parts) == 3:
         return [*ways, _from_string, _bent, _from_softer]
-    return [*ways, _from_string, _bent, _from_softer, _from_pure_stick, _found]
+    return [*ways, _from_string, _bent, _from_softer, _from_pure_stick]
 
 
 def _from_string(run: Run) -> State:
@@ -137,39 +154,40 @@ def _from_softer(run: Run) -> State:
     return run.on(posed(run.scene), state.ends, state, "a belt that bends more easily")
 
 
-def _warm(run: Run, initial: Solution) -> State:
+def warm(run: Run, initial: Solution) -> State:
     """From a given solution, whatever its method."""
     contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
     if initial.fields is None or not _fits(run.scene, contact):
         run.stages.skipped("warm start", "the given solution has other zones")
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
-    zones, old, why = ordered(run.scene, contact), initial.state, "the given solution"
+    old, zones, why = initial.state, ordered(run.scene, contact), "the given solution"
     if isinstance(old, State):
-        try:
-            state = run.on(zones, old.ends, old, why)
-        except Stopped:
-            # In short zones, the lowest degree knows friction too coarsely to place a border by it.
-            state = run.on(zones, old.ends, old, why, degree=old.degree)
+        ends = old.ends
     else:
         units = initial.scene.dimensionless()[1].inverse()
         ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
-        state = run.on(zones, ends, initial.fields.in_units(units), why)
+        old = initial.fields.in_units(units)
     run.stages.skipped("taut string", "a solution was given to start from")
-    return state
+    try:
+        return run.on(zones, ends, old, why, degree=WARM)
+    except Stopped:
+        # In short zones, a low degree knows friction too coarsely to place a border by it.
+        return run.on(zones, ends, old, why, degree=FINE)
 
 
 def _fits(scene: Scene, contact: list[Part]) -> bool:
-    """Whether zones that were found can be those of a scene: from stick on, they are those that it asks for."""
-    pulley = scene.pulleys[0]
-    if not contact:
-        return False
-    if pulley.friction == 0.0 or pulley.x_trans == RUN_UP:
-        return contact == list(posed(scene).parts[1:-1])
-    after = contact[contact.index(STICK) :] if STICK in contact else []
-    if pulley.drive == "x_trans":
-        wanted = list(posed(scene).parts[1:-1])
-        return after[: len(wanted)] == wanted
-    return len(after) > 1
+    """Whether zones that were found can be those of a scene: from stick on, they are those that it asks for.
+
+    A given speed or torque leaves them open; whether it is met is seen afterwards.
+    """
+    if not contact or scene.pulleys[0].drive != "x_trans":
+        return bool(contact)
+    wanted = list(posed(scene).parts[1:-1])
+    if STICK not in wanted:
+        return contact == wanted
+    first = contact.index(STICK) if STICK in contact else 0
+    after = contact[first + 1 :]
+    return after[: len(wanted) - 1] == wanted[1:]
 
 
 def _from_pure_stick(run: Run) -> State:
@@ -197,13 +215,19 @@ def _driven(run: Run) -> State:
         Stopped: Friction cannot transmit the moment.
     """
     stick = in_pure_stick(run)
-    ahead = _ahead(run.scene, stick)
-    slip: Slip = "forward" if ahead < 0.0 else "backward"
+    if meets(run, stick):
+        return stick
+    slip, place = _transition(run, stick)
+    if place is not None and stick.ends[2] - place < SHORT_SLIP * (stick.ends[2] - stick.ends[1]):
+        why = "a short slip zone, which only a well known pure stick can place"
+        stick = run.driven_by(RUN_OFF).newton(stick.of_degree(FINE), why, arrived=PLACED)
+        if meets(run, stick):
+            return stick
+        slip, place = _transition(run, stick)
     zones = posed(run.scene, slip)
-    place = transition(run.scene, stick, SENSE[slip], ahead)
     if place is not None:
         try:
-            return run.on(zones, np.insert(stick.ends, 2, place), stick, "pure stick")
+            return run.on(zones, np.insert(stick.ends, 2, place), stick, "pure stick", degree=stick.degree)
         except Stopped:
             run.stages.skipped("pure stick", "it led nowhere")
     slid = run.on(ordered(run.scene, [Part("slip", slip)]), stick.ends, stick, "pure stick, now sliding all along")
@@ -212,6 +236,13 @@ def _driven(run: Run) -> State:
     _, up, off, _ = slid.ends
     ends = np.insert(slid.ends, 2, NEARLY * up + (1.0 - NEARLY) * off)
     return run.on(zones, ends, slid, "sliding all along")
+
+
+def _transition(run: Run, stick: State) -> tuple[Slip, float | None]:
+    """In which sense the belt slides at a given speed or torque, and from where on, seen from pure stick."""
+    ahead = _ahead(run.scene, stick)
+    slip: Slip = "forward" if ahead < 0.0 else "backward"
+    return slip, transition(run.scene, stick, SENSE[slip], ahead)
 
 
 def _first(run: Run, ways: list[Callable[[Run], State]]) -> State:
@@ -226,18 +257,6 @@ def _first(run: Run, ways: list[Callable[[Run], State]]) -> State:
     return last(run)
 
 
-def _sticking(run: Run) -> State:
-    """The belt that sticks all along, for a speed or a moment next to it."""
-    return in_pure_stick(run)
-
-
-def _sliding(run: Run) -> State:
-    """The belt that slides all along, for a speed or a moment next to it."""
-    stick = in_pure_stick(run)
-    zones = ordered(run.scene, [Part("slip", "forward" if _ahead(run.scene, stick) < 0.0 else "backward")])
-    return run.on(zones, stick.ends, stick, "pure stick, now sliding all along")
-
-
 def meets(run: Run, state: State) -> bool:
     """Whether a state meets the given speed or moment, even if it has no transition that these could place.
 
@@ -250,11 +269,11 @@ def meets(run: Run, state: State) -> bool:
         return True
     ahead = _ahead(run.scene, state)
     if STICK in zones.parts or zones.parts[1].sense * ahead > 0.0:
-        return abs(ahead) <= MET
+        return abs(ahead) <= DRIVE * pulley.friction * state.pressure_force + ROUNDING
     if pulley.drive == "omega":
         return True
     if state.degree < FINE:
-        return meets(run, run.newton(state.of_degree(FINE), "the moment that friction can transmit", arrived=MET))
+        return meets(run, run.newton(state.of_degree(FINE), "the moment that friction can transmit", arrived=PLACED))
     capacity = -pulley.radius * state.friction_force * run.units.of(length=1, force=1)
     raise Stopped(Status.CAPACITY_EXCEEDED, f"Sliding all along, the belt transmits {capacity:.6g} N m.")
 
@@ -265,24 +284,3 @@ def _ahead(scene: Scene, state: State) -> float:
     if pulley.drive == "omega":
         return pulley.radius * pulley.omega - state.D_stick
     return -pulley.torque / pulley.radius - state.friction_force
-
-
-def _found(run: Run) -> State:
-    """A state with the zones that a coarse run of the augmented Lagrangian finds.
-
-    Raises:
-        Stopped: It does not find them, or Newton's iteration does not converge from them.
-    """
-    from mpi4py import MPI
-
-    from belt_fenicsx import augmented_lagrangian
-
-    # Other ranks may be at other scenes.
-    coarse = augmented_lagrangian.solve(run.scene, elements=COARSE, rtol=1e-6, comm=MPI.COMM_SELF, throw=False)
-    why = "Newton's iteration failed from the taut string; this finds the zones"
-    run.stages.ran("augmented Lagrangian", why, coarse.iterations)
-    contact = [Part(zone.kind, zone.slip) for zone in coarse.zones[1:-1]]
-    ends = np.array([zone.sigma[0] for zone in coarse.zones] + [run.scene.belt.length / 2])
-    if coarse.fields is None or not _fits(run.scene, contact) or np.diff(ends).min() <= 0.0:
-        raise Stopped(Status.NEWTON_DIVERGED, "Neither did a coarse run of the augmented Lagrangian find the zones.")
-    return run.on(ordered(run.scene, contact), ends, coarse.fields, "the augmented Lagrangian")

@@ -148,7 +148,16 @@ class State:
     @property
     def friction_force(self) -> float:
         """Integral of the friction traction."""
-        return float((self.values[:, local(self.degree).f] @ gauss_weights(self.degree)) @ self.length)
+        return self._integral(local(self.degree).f)
+
+    @property
+    def pressure_force(self) -> float:
+        """Integral of the pressure."""
+        return self._integral(local(self.degree).p)
+
+    def _integral(self, dofs: Array) -> float:
+        """Integral along the belt of what has these dofs at the Gauss points."""
+        return float((self.values[:, dofs] @ gauss_weights(self.degree)) @ self.length)
 
     def r(self, xi: Array, nodal: Array) -> Array:
         """Positions in the complex plane ``(n, m)``, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""

@@ -42,3 +42,6 @@ class Stopped(Exception):
     def __init__(self, status: Status, message: str, *, final: bool = False) -> None:
         self.status, self.message, self.final = status, message, final
         super().__init__(status, message)
+
+    def __str__(self) -> str:
+        return f"{self.status.value} {self.message}"
