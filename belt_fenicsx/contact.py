@@ -17,15 +17,30 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
-def penetration_from(arm: Expr, way: Expr, *, radius: Expr, excess: Expr) -> Expr:
-    """The same g at the end of ``arm + way`` from the centre, with little rounding error where the way is short.
+def penetration_near_chord(
+    place: Expr, along: Expr, deviation: Expr, eta: Expr, *, radius: Expr, excess: tuple[Expr, Expr]
+) -> Expr:
+    """The same g at a deviation from a chord of the circle, with little rounding error where the chord is short.
 
-    With |arm|^2 + excess = R^2 it is g = (excess - way.(2 arm + way)) / (R + |arm + way|). The rounding error of the
-    difference in `penetration` is as large as that of positions; from point to point it is a roughness of the pulley,
-    to which the pressure of a thin, stiff belt answers.
+    With E = R^2 - |r - C|^2 at both ends of the chord, and at the place of its part eta,
+
+        E(eta) = (1 - eta) E(0) + eta E(1) + eta (1 - eta) |along|^2,
+        g = (E(eta) - deviation.(2 place + deviation)) / (R + |place + deviation|).
+
+    The rounding error of the difference in `penetration` is as large as that of positions; from point to point it is a
+    roughness of the pulley, to which the pressure of a thin, stiff belt answers.
+
+    Args:
+        place: Place on the chord, as seen from the centre.
+        along: Vector from the chord's first to its last end.
+        deviation: Vector from the place to the point.
+        eta: Part of the chord before the place.
+        radius: Radius of the pulley.
+        excess: E at both ends.
     """
-    distance = ufl.sqrt(ufl.dot(arm + way, arm + way))
-    return (excess - ufl.dot(way, 2 * arm + way)) / (radius + distance)
+    on_chord = (1 - eta) * excess[0] + eta * excess[1] + eta * (1 - eta) * ufl.dot(along, along)
+    distance = ufl.sqrt(ufl.dot(place + deviation, place + deviation))
+    return (on_chord - ufl.dot(deviation, 2 * place + deviation)) / (radius + distance)
 
 
 def normal_potential(g: Expr, *, lambda_p: Expr, penalty: Expr) -> Expr:

@@ -20,7 +20,11 @@ from belt_fenicsx import compat, contact, elements, rod
 from belt_fenicsx.fields import Array
 from belt_fenicsx.kernels import Kernel, compiled
 
-CONSTANTS = ("a", "b1", "b2", "R", "mu", "x_trans", "D_given", "force_given")
+CONSTANTS = ("a", "b1", "b2", "R", "mu", "x_trans", "elongation_given", "force_given")
+# The chord of a cell: its left end as seen from the pulley's centre, and the vector to its right end; R^2 less the
+# squares of both ends' distances from the centre; cosine and sine of the angle of its frame; the chord in this frame
+# over the cell's length, less one along the first axis; and that length.
+CHORD = ("x", "y", "along_x", "along_y", "excess_left", "excess_right", "cos", "sin", "q1", "q2", "length")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
 
 
@@ -28,11 +32,10 @@ SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold
 class Forms:
     """Compiled forms of one cell.
 
-    Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, stretch in
-    stick; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
-    values of ``SWITCHES`` on both sides of the cell; then its chord, from which r deviates: its left end as seen from
-    the pulley's centre, the vector to its right end, and R^2 less the square of the first. Their constants are
-    ``CONSTANTS``, x_trans from the centre, too.
+    Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, elongation D - 1
+    in stick; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
+    values of ``SWITCHES`` on both sides of the cell; then those of ``CHORD``, from which r and theta deviate. Their
+    constants are ``CONSTANTS``, x_trans from the pulley's centre.
 
     Attributes:
         F: Residual ``(5 k + 6,)``.
@@ -59,7 +62,7 @@ def residual_and_jacobian(degree: int, friction: bool) -> tuple[ufl.Form, ufl.Fo
     # Numbered here: UFL would count on in one process, and compiled code is found again by its form's numbers, too.
     unknown, switches, chord = (
         ufl.Coefficient(ufl.FunctionSpace(line, element), count=count)
-        for count, element in enumerate((mixed, elements.one_sided(len(SWITCHES)), elements.gauss(1, size=5)))
+        for count, element in enumerate((mixed, elements.one_sided(len(SWITCHES)), elements.gauss(1, size=len(CHORD))))
     )
     constants = ufl.Constant(line, shape=(len(CONSTANTS),), count=0)
     F = residual(unknown, switches, chord, constants, degree, friction)
@@ -75,11 +78,12 @@ def residual(
     friction: bool,
 ) -> ufl.Form:
     """Weak equilibrium, the pulley's conditions at the Gauss points, and the conditions at the borders."""
-    deviation, theta, p, f, sigma, D_stick = ufl.split(unknown)
+    deviation, turn, p, f, sigma, e_stick = ufl.split(unknown)
     (eta,) = ufl.SpatialCoordinate(unknown.ufl_function_space().ufl_domain())
-    arm, along = (ufl.as_vector([chord[i], chord[i + 1]]) for i in (0, 2))
-    way = eta * along + deviation
-    r = arm + way
+    cell = dict(zip(CHORD, (chord[i] for i in range(len(CHORD))), strict=True))
+    arm, along = (ufl.as_vector([cell[x], cell[y]]) for x, y in (("x", "y"), ("along_x", "along_y")))
+    place = arm + eta * along
+    r = place + deviation
     v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.ufl_function_space())
     given = dict(zip(CONSTANTS, (constants[i] for i in range(len(CONSTANTS))), strict=True))
     on = dict(zip(SWITCHES, (switches[i] for i in range(len(SWITCHES))), strict=True))
@@ -94,27 +98,36 @@ def residual(
     )
 
     d_sigma = rod.along(sigma)
-    D, t = rod.stretch(r, d_sigma), rod.tangent(r, d_sigma)
+    t = rod.tangent(r, d_sigma)
     n = ufl.as_vector([-t[1], t[0]])
-    energy = rod.strain_energy(rod.strains(r, theta, d_sigma), a=given["a"], b1=given["b1"], b2=given["b2"])
+    # The length in the chord's data is the value of sigma', which varies here.
+    shorter, bent = cell["length"] / sigma.dx(0) - 1, d_sigma(deviation)
+    q = (
+        cell["q1"] + (1 + cell["q1"]) * shorter + cell["cos"] * bent[0] + cell["sin"] * bent[1],
+        cell["q2"] + cell["q2"] * shorter + cell["cos"] * bent[1] - cell["sin"] * bent[0],
+    )
+    strains, e = rod.strains_in_frame(q, turn, d_sigma), rod.elongation(q)
+    energy = rod.strain_energy(strains, a=given["a"], b1=given["b1"], b2=given["b2"])
     # Two integrals, each with one integrand: UFL's work for each of them is what a first solve waits for.
     elastic = ufl.derivative(
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
-    pulley = v_p * on["touch"] * contact.penetration_from(arm, way, radius=given["R"], excess=chord[4])
+    excess = cell["excess_left"], cell["excess_right"]
+    g = contact.penetration_near_chord(place, along, deviation, eta, radius=given["R"], excess=excess)
+    pulley = v_p * on["touch"] * g
     pulley -= ufl.dot(p * n, v_r) * sigma.dx(0)
     borders = v_sigma * on["tangent"] * ufl.dot(r, t)
-    borders += v_D * on["grip"] * (1 - on["force"]) * (D - D_stick)
+    borders += v_D * on["grip"] * (1 - on["force"]) * (e - e_stick)
     if friction:
         coulomb = f + on["sense"] * given["mu"] * p
-        pulley += v_f * (on["stick"] * (D - D_stick) + (on["touch"] - on["stick"]) * coulomb)
+        pulley += v_f * (on["stick"] * (e - e_stick) + (on["touch"] - on["stick"]) * coulomb)
         pulley -= ufl.dot(f * t, v_r) * sigma.dx(0)
         pulley += v_D * on["force"] * on["touch"] * f * sigma.dx(0)
         borders += v_sigma * (
             on["x"] * (r[0] - given["x_trans"])
-            + on["speed"] * (D_stick - given["D_given"])
+            + on["speed"] * (e_stick - given["elongation_given"])
             + on["coulomb"] * coulomb
-            + on["hold"] * (D - D_stick)
+            + on["hold"] * (e - e_stick)
         )
         borders -= v_D * on["grip"] * on["force"] * given["force_given"]
     return elastic + pulley * at_gauss_points + borders * at_nodes

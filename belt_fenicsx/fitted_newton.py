@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_forms import CONSTANTS, SWITCHES, forms, points
+from belt_fenicsx.fitted_forms import CHORD, CONSTANTS, SWITCHES, forms, points
 from belt_fenicsx.fitted_state import State, on_chords, sum_error
 from belt_fenicsx.petsc_options import PREFIX, set_options
 from belt_fenicsx.scene import Scene
@@ -27,6 +27,7 @@ logger = logging.getLogger(__name__)
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 MOST_ITERATIONS = 30
 STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
+FRAMES = 2.0**20  # to a radian: angles to which frames of cells are rounded
 SETTLED = 0.1  # of the same, that the last step may take
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
 # Python's own lock would let another one in between two steps.
@@ -42,9 +43,9 @@ class Iteration:
     cell by cell in `condensed` took 0.3 to 1 ms.
 
     Attributes:
-        values: Unknowns of each cell, as in a state ``(n, 5 k + 6)``.
-        chords: Chords of each cell, as in a state, and R^2 less the square of its left end's distance from the centre
-            ``(n, 5)``.
+        values: Unknowns of each cell ``(n, 5 k + 6)``, as in a state, but for theta, of which they are what it is more
+            than the angle of the cell's frame, and for the stretch in stick, of which they are the elongation.
+        chords: Data of each cell's chord ``(n, len(CHORD))``.
         ends: Ends of the zones ``(z + 1,)``.
         residuals: Computes the residual of each cell.
         jacobians: Computes the Jacobian of each cell.
@@ -53,7 +54,7 @@ class Iteration:
     def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
         self.condensed = Condensed(mesh, degree, friction)
         (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
-        coefficients = np.empty((n, dofs + on.shape[1] + 5))
+        coefficients = np.empty((n, dofs + on.shape[1] + len(CHORD)))
         self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
         # In the complex plane, a turn is a product.
         self._positions = slice(2 * (degree + 1))
@@ -63,7 +64,9 @@ class Iteration:
         compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
-        self._zone, self._length, self._nodes = mesh.zone, local(degree).sigma[1], points(degree)[0]
+        at = local(degree)
+        self._zone, self._length, self._nodes = mesh.zone, at.sigma[1], points(degree)[0]
+        self._turn, self._elongation = slice(at.theta[0], at.theta[-1] + 1), at.D[0]
         self._before, self._after = slice(mesh.ends[0]), slice(mesh.ends[-1], n)
         self._contact = slice(mesh.ends[0], mesh.ends[-1])
         self._weights = np.empty((n, 2, 2))
@@ -85,13 +88,20 @@ class Iteration:
             "R": pulley.radius, "mu": pulley.friction,
             "x_trans": 0.0 if pulley.x_trans is None or isinstance(pulley.x_trans, str) else
                 pulley.x_trans - pulley.center[0],
-            "D_given": pulley.omega * pulley.radius if pulley.drive == "omega" else 1.0,
+            "elongation_given": pulley.omega * pulley.radius - 1.0 if pulley.drive == "omega" else 0.0,
             "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
         self._radius = pulley.radius
         self._arrived, self._held, self._monitored = arrived, held, monitored
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
+        self.values[:, self._elongation] -= 1.0
+        # Rounded so that cells that meet at a node agree on its angle to the last bit.
+        turn = self.values[:, self._turn]
+        self._frame = np.round(turn[:, 0] * FRAMES) / FRAMES
+        turn -= self._frame[:, None]
+        self._axis = np.exp(1j * self._frame.astype(np.longdouble))
+        self.chords[:, 6], self.chords[:, 7] = self._axis.real, self._axis.imag
         self._measure()
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
@@ -130,13 +140,24 @@ class Iteration:
             held = False
         snes.setConvergedReason(reason)
 
+    def state(self, start: State) -> State:
+        """The state where it stands, which is of the kind of the one that it started from."""
+        values = self.values.copy()
+        values[:, self._turn] += self._frame[:, None]
+        values[:, self._elongation] += 1.0
+        return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
+
     def _measure(self) -> None:
-        """How far R^2 exceeds the squares of the distances of the cells' left ends, to less than their rounding error.
+        """Computes the chords' small differences of large numbers to less than the rounding error of these.
 
         NumPy's long double has eleven bits more than a double on x86, and never fewer.
         """
-        x, y = self.chords[:, :2].T.astype(np.longdouble)
-        self.chords[:, 4] = np.longdouble(self._radius) ** 2 - x**2 - y**2
+        length = self.values[:, self._length]
+        arm, along = self._chords.T.astype(np.clongdouble)
+        q = along * self._axis.conj() / length - 1.0
+        for column, end in ((4, arm), (5, arm + along)):
+            self.chords[:, column] = np.longdouble(self._radius) ** 2 - end.real**2 - end.imag**2
+        self.chords[:, 8], self.chords[:, 9], self.chords[:, 10] = q.real, q.imag, length
 
     def _moved(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Takes a step, shortened where a border would come too close to the next one.
@@ -227,9 +248,7 @@ class Newton:
             self.snes.setPythonContext(iteration)
             self.snes.solve(None, self._x)
             iterations = self.snes.getIterationNumber()
-            values, chords = iteration.values.copy(), iteration.chords[:, :4].copy()
-            state = replace(start, ends=iteration.ends, chords=chords, values=values)
-            return state, iterations if self.snes.getConvergedReason() > 0 else -iterations
+            return iteration.state(start), iterations if self.snes.getConvergedReason() > 0 else -iterations
 
 
 def newton(options: tuple[tuple[str, Any], ...]) -> Newton:

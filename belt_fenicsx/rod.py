@@ -41,6 +41,29 @@ def strains(r: Expr, theta: Expr, d_sigma: Derivative) -> Strains:
     return Strains(eps=ufl.dot(d_sigma(r), e1) - 1, Gamma=ufl.dot(d_sigma(r), e2), kappa=d_sigma(theta))
 
 
+def strains_in_frame(q: tuple[Expr, Expr], turn: Expr, d_sigma: Derivative) -> Strains:
+    """The same strains from small numbers, with the rounding error of these instead of that of one.
+
+    In a frame that is turned by a constant angle, r' is 1 + q1 along its first axis and q2 along its second one, and
+    the cross-section is turned further by an angle. As complex numbers, eps + i Gamma = (1 + q) exp(-i turn) - 1.
+
+    Args:
+        q: Components q1 and q2.
+        turn: The angle of the cross-section in the frame.
+        d_sigma: The derivative along the belt.
+    """
+    (q1, q2), sine, versine = q, ufl.sin(turn), 2 * ufl.sin(turn / 2) ** 2
+    return Strains(
+        eps=q1 - (1 + q1) * versine + q2 * sine, Gamma=q2 - (1 + q1) * sine - q2 * versine, kappa=d_sigma(turn)
+    )
+
+
+def elongation(q: tuple[Expr, Expr]) -> Expr:
+    """D - 1, from the same q: (2 q1 + q1^2 + q2^2) / (1 + D)."""
+    q1, q2 = q
+    return (2 * q1 + q1**2 + q2**2) / (1 + ufl.sqrt((1 + q1) ** 2 + q2**2))
+
+
 def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
     """Strain energy per material length, the integrand of (18.9)."""
     return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2
