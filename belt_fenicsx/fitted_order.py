@@ -12,7 +12,7 @@ import numpy as np
 
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array
-from belt_fenicsx.fitted_answer import along
+from belt_fenicsx.fitted_answer import along, pulley_speed
 from belt_fenicsx.fitted_state import POINTS, State
 from belt_fenicsx.scene import RUN_OFF, Scene, Slip
 from belt_fenicsx.zones import FREE, STICK, Part, Zones, ordered
@@ -99,7 +99,7 @@ def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | Non
     if index <= state.mesh.zones.transition or parts[index + 1] != FREE:
         return None
     sigma, _, _, D = along(state, index)
-    ahead = parts[index].sense * (D - state.D_stick)
+    ahead = parts[index].sense * (D - pulley_speed(scene, state))
     if ahead[-1] >= -breach * np.max(np.abs(ahead)):
         return None
     turned = replace(parts[index], slip=OTHER[parts[index].slip])
