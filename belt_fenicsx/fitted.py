@@ -242,7 +242,7 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
         if (p := state.values[:, local(k).p]).min() < -NEGATIVE * p.max():
             raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, state))
         change = change_of_pressure(start, state)
-        error, errors = error_of_known(run.scene, before, state, change, change_before), {}
+        error, errors = error_of_known(run.scene, before, start, state, change, change_before), {}
         known = error <= max(rtol, rounding(run.scene, state)) and change <= COARSEST
         if known or k >= (degree or HIGHEST):
             errors = errors_of_fields(run.scene, before, state, change, change_before)

@@ -15,13 +15,16 @@ import numpy as np
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_answer import pulley_speed
+from belt_fenicsx.fitted_forms import gauss_weights
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene
 
 # Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
 # units of the factor by which the change of the pressure fell since the degree before.
 LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
-LEAST = 3e-7  # part of the pressure's change by which the speed is wrong at least: its own can be small by accident
+LEAST = (
+    2e-6  # part of the pressure's mean change by which the speed is wrong at least: its own can be small by accident
+)
 ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
 BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
 # Part of a field's change that is left, in units of the factor by which the pressure's fell; at least and at most.
@@ -37,18 +40,29 @@ def change_of_pressure(start: State, end: State) -> float:
     return float(np.abs(p - p_start).max() / p.max())
 
 
-def error_of_known(scene: Scene, before: State, state: State, change: float, change_before: float) -> float:
+def mean_change_of_pressure(start: State, end: State) -> float:
+    """Integral of the pressure's change, relative to that of the pressure: in short cells, a change weighs little."""
+    weighted = gauss_weights(end.degree) * end.length[:, None]
+    p, p_start = (state.values[:, local(end.degree).p] for state in (end, start))
+    return float((weighted * np.abs(p - p_start)).sum() / (weighted * p).sum())
+
+
+def error_of_known(
+    scene: Scene, before: State, start: State, state: State, change: float, change_before: float
+) -> float:
     """Estimated relative error of the angular velocity; where that is given, of the stretch that makes the torque.
 
     Args:
         scene: The dimensionless scene.
         before: The state of the degree before.
+        start: The same in elements of this degree.
         state: The state.
         change: Change of the pressure by the last degree.
         change_before: That by the degree before; zero where there is none.
     """
     left = min(LEFT, GAIN * change / change_before) if change_before else LEFT_FIRST
-    return max(left * abs(1.0 - _known(scene, before) / _known(scene, state)), LEAST * change, rounding(scene, state))
+    by_known = left * abs(1.0 - _known(scene, before) / _known(scene, state))
+    return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
 
 
 def _known(scene: Scene, state: State) -> float:
