@@ -17,30 +17,39 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
-def penetration_near_chord(
-    place: Expr, along: Expr, deviation: Expr, eta: Expr, *, radius: Expr, excess: tuple[Expr, Expr]
-) -> Expr:
-    """The same g at a deviation from a chord of the circle, with little rounding error where the chord is short.
+def penetration_near(place: Expr, deviation: Expr, *, radius: Expr, excess: Expr) -> Expr:
+    """The same g next to a place whose distance from the circle is known well, with little rounding error.
 
-    With E = R^2 - |r - C|^2 at both ends of the chord, and at the place of its part eta,
-
-        E(eta) = (1 - eta) E(0) + eta E(1) + eta (1 - eta) |along|^2,
-        g = (E(eta) - deviation.(2 place + deviation)) / (R + |place + deviation|).
-
-    The rounding error of the difference in `penetration` is as large as that of positions; from point to point it is a
-    roughness of the pulley, to which the pressure of a thin, stiff belt answers.
+    With E = R^2 - |place|^2, it is g = (E - deviation.(2 place + deviation)) / (R + |place + deviation|). The rounding
+    error of the difference in `penetration` is as large as that of positions; from point to point it is a roughness of
+    the pulley, to which the pressure of a thin, stiff belt answers.
 
     Args:
-        place: Place on the chord, as seen from the centre.
-        along: Vector from the chord's first to its last end.
-        deviation: Vector from the place to the point.
-        eta: Part of the chord before the place.
+        place: A place, as seen from the centre.
+        deviation: Vector from there to the point.
         radius: Radius of the pulley.
-        excess: E at both ends.
+        excess: E.
     """
-    on_chord = (1 - eta) * excess[0] + eta * excess[1] + eta * (1 - eta) * ufl.dot(along, along)
     distance = ufl.sqrt(ufl.dot(place + deviation, place + deviation))
-    return (on_chord - ufl.dot(deviation, 2 * place + deviation)) / (radius + distance)
+    return (excess - ufl.dot(deviation, 2 * place + deviation)) / (radius + distance)
+
+
+def excess_on_parabola(eta: Expr, *, ends: tuple[Expr, Expr], flat: Expr, skew: Expr, bulge: tuple[Expr, Expr]) -> Expr:
+    """The E of `penetration_near` on a parabola, from small numbers that are known to less than their rounding error.
+
+    The parabola is arm + eta along + h bulge with h = eta (1 - eta), and there
+
+        E = (1 - eta) E(0) + eta E(1) + h (flat - 2 eta skew - h |bulge|^2).
+
+    Args:
+        eta: Its parameter, from 0 to 1.
+        ends: E at both ends.
+        flat: |along|^2 - 2 bulge.arm.
+        skew: bulge.along.
+        bulge: Components of the bulge.
+    """
+    h = eta * (1 - eta)
+    return (1 - eta) * ends[0] + eta * ends[1] + h * (flat - 2 * eta * skew - h * (bulge[0] ** 2 + bulge[1] ** 2))
 
 
 def normal_potential(g: Expr, *, lambda_p: Expr, penalty: Expr) -> Expr:

@@ -23,8 +23,12 @@ from belt_fenicsx.kernels import Kernel, compiled
 CONSTANTS = ("a", "b1", "b2", "R", "mu", "x_trans", "elongation_given", "force_given")
 # The chord of a cell: its left end as seen from the pulley's centre, and the vector to its right end; R^2 less the
 # squares of both ends' distances from the centre; cosine and sine of the angle of its frame; the chord in this frame
-# over the cell's length, less one along the first axis; and that length.
-CHORD = ("x", "y", "along_x", "along_y", "excess_left", "excess_right", "cos", "sin", "q1", "q2", "length")
+# over the cell's length, less one along the first axis; and that length. Then the bulge of the parabola over it, about
+# the arc of the pulley, from which r deviates, and the two small numbers that go with it.
+CHORD = (
+    "x", "y", "along_x", "along_y", "excess_left", "excess_right", "cos", "sin", "q1", "q2", "length",
+    "bulge_x", "bulge_y", "flat", "skew",
+)  # fmt: skip
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
 
 
@@ -81,8 +85,10 @@ def residual(
     deviation, turn, p, f, sigma, e_stick = ufl.split(unknown)
     (eta,) = ufl.SpatialCoordinate(unknown.ufl_function_space().ufl_domain())
     cell = dict(zip(CHORD, (chord[i] for i in range(len(CHORD))), strict=True))
-    arm, along = (ufl.as_vector([cell[x], cell[y]]) for x, y in (("x", "y"), ("along_x", "along_y")))
-    place = arm + eta * along
+    arm, along, bulge = (
+        ufl.as_vector([cell[x], cell[y]]) for x, y in (("x", "y"), ("along_x", "along_y"), ("bulge_x", "bulge_y"))
+    )
+    place = arm + eta * along + eta * (1 - eta) * bulge
     r = place + deviation
     v_r, v_theta, v_p, v_f, v_sigma, v_D = ufl.TestFunctions(unknown.ufl_function_space())
     given = dict(zip(CONSTANTS, (constants[i] for i in range(len(CONSTANTS))), strict=True))
@@ -101,7 +107,7 @@ def residual(
     t = rod.tangent(r, d_sigma)
     n = ufl.as_vector([-t[1], t[0]])
     # The length in the chord's data is the value of sigma', which varies here.
-    shorter, bent = cell["length"] / sigma.dx(0) - 1, d_sigma(deviation)
+    shorter, bent = cell["length"] / sigma.dx(0) - 1, d_sigma(deviation) + (1 - 2 * eta) / sigma.dx(0) * bulge
     q = (
         cell["q1"] + (1 + cell["q1"]) * shorter + cell["cos"] * bent[0] + cell["sin"] * bent[1],
         cell["q2"] + cell["q2"] * shorter + cell["cos"] * bent[1] - cell["sin"] * bent[0],
@@ -112,9 +118,9 @@ def residual(
     elastic = ufl.derivative(
         energy * sigma.dx(0) * at_gauss_points, unknown, ufl.as_vector([v_r[0], v_r[1], v_theta, 0, 0, 0, 0])
     )
-    excess = cell["excess_left"], cell["excess_right"]
-    g = contact.penetration_near_chord(place, along, deviation, eta, radius=given["R"], excess=excess)
-    pulley = v_p * on["touch"] * g
+    ends = cell["excess_left"], cell["excess_right"]
+    excess = contact.excess_on_parabola(eta, ends=ends, flat=cell["flat"], skew=cell["skew"], bulge=bulge)
+    pulley = v_p * on["touch"] * contact.penetration_near(place, deviation, radius=given["R"], excess=excess)
     pulley -= ufl.dot(p * n, v_r) * sigma.dx(0)
     borders = v_sigma * on["tangent"] * ufl.dot(r, t)
     borders += v_D * on["grip"] * (1 - on["force"]) * (e - e_stick)

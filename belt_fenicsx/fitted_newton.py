@@ -65,6 +65,7 @@ class Iteration:
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
         at = local(degree)
+        self._touches = mesh.touches
         self._zone, self._length, self._nodes = mesh.zone, at.sigma[1], points(degree)[0]
         self._turn, self._elongation = slice(at.theta[0], at.theta[-1] + 1), at.D[0]
         self._before, self._after = slice(mesh.ends[0]), slice(mesh.ends[-1], n)
@@ -102,6 +103,9 @@ class Iteration:
         turn -= self._frame[:, None]
         self._axis = np.exp(1j * self._frame.astype(np.longdouble))
         self.chords[:, 6], self.chords[:, 7] = self._axis.real, self._axis.imag
+        self._bulge = self._arcs()
+        self.chords[:, 11], self.chords[:, 12] = self._bulge.real, self._bulge.imag
+        self._deviation -= self._over_chords()
         self._measure()
         self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
 
@@ -145,7 +149,21 @@ class Iteration:
         values = self.values.copy()
         values[:, self._turn] += self._frame[:, None]
         values[:, self._elongation] += 1.0
+        values[:, self._positions].view(complex)[:] += self._over_chords()
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
+
+    def _arcs(self) -> Array:
+        """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
+        arm, along = self._chords.T
+        length = np.abs(along)
+        depth = np.sqrt(np.maximum(self._radius**2 - (length / 2) ** 2, 0.0))
+        outwards = 1j * along / length
+        side = np.sign((outwards * arm.conj()).real)
+        return np.where(self._touches, side * length**2 / (self._radius + depth), 0.0) * outwards
+
+    def _over_chords(self) -> Array:
+        """The parabolas over the chords, at the nodes, in the complex plane ``(n, k + 1)``."""
+        return self._bulge[:, None] * (self._nodes * (1.0 - self._nodes))
 
     def _measure(self) -> None:
         """Computes the chords' small differences of large numbers to less than the rounding error of these.
@@ -158,6 +176,9 @@ class Iteration:
         for column, end in ((4, arm), (5, arm + along)):
             self.chords[:, column] = np.longdouble(self._radius) ** 2 - end.real**2 - end.imag**2
         self.chords[:, 8], self.chords[:, 9], self.chords[:, 10] = q.real, q.imag, length
+        over = self._bulge.conj()
+        self.chords[:, 13] = along.real**2 + along.imag**2 - 2.0 * (over * arm).real
+        self.chords[:, 14] = (over * along).real
 
     def _moved(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Takes a step, shortened where a border would come too close to the next one.
@@ -202,7 +223,8 @@ class Iteration:
         """
         contact, shift = self._contact, np.empty_like(moved)
         straight = moved[contact]
-        arm = on_chords(self._chords[contact], self._nodes) + self._deviation[contact] - straight
+        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._over_chords()[contact]
+        arm = on_parabolas + self._deviation[contact] - straight
         distance = np.abs(arm)
         turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
         shift[contact] = arm * (turn * (self._radius / distance) - 1.0) - straight
