@@ -8,6 +8,7 @@ solves alone. The answer is as good as the mesh, which knows the contact zone to
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -20,6 +21,7 @@ from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.collective import on_first
 from belt_fenicsx.errors import compiling
 from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.lagrangian_accuracy import OMEGA, errors, shortcoming
 from belt_fenicsx.lagrangian_forms import Problem
 from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.mesh import check_elements
@@ -30,6 +32,7 @@ from belt_fenicsx.solution import Solution, Stage, Status, finish
 from belt_fenicsx.stages import Stages
 
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
+HALVINGS, COARSEST = 2, 8  # coarser meshes for the estimated errors, and their fewest elements
 SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than one of them alone
 
 
@@ -87,15 +90,13 @@ def solve(
         raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
-    meshes = [_nodes(scene, elements, mesh) / units.length]
+    nodes = _nodes(scene, elements, mesh) / units.length
     fields = None
     if initial is not None and initial.fields is not None:
         fields = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
-    # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
-    while fields is None and len(meshes[0]) > FINE:
-        meshes.insert(0, _coarser(meshes[0]))
+    meshes = _coarser_meshes(nodes, from_string=fields is None)
     asked = tuple(sorted((options or {}).items()))
-    stages = Stages()
+    stages, found = Stages(), []
     for nodes in meshes:
         last, count = nodes is meshes[-1], len(nodes) - 1
         on_mesh = functools.partial(_on_mesh, plain, nodes, fields, rtol if last else COARSE_RTOL, penalty_scale, asked)
@@ -107,13 +108,49 @@ def solve(
             own = [Stage(name="sharing", why=why)]
         own += solution.stages
         stages += own if last else [replace(stage, name=f"{stage.name}, {count} elements") for stage in own]
+        found.append(solution)
         fields = solution.fields
-    solution = replace(solution, stages=tuple(stages), iterations=stages.iterations)
+    solution = replace(_with_errors(found, stages), stages=tuple(stages), iterations=stages.iterations)
     solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
         solution = certified(solution, tolerance=recognition.TOLERANCE)
+        solution = _resolved(solution, meshes[-1] * units.length)
     return finish(solution, throw=throw)
+
+
+def _coarser_meshes(nodes: Array, *, from_string: bool) -> list[Array]:
+    """The mesh, behind coarser ones on which its solution begins and from which its errors are estimated."""
+    meshes = [nodes]
+    while len(meshes) <= HALVINGS and len(meshes[0]) > 2 * COARSEST:
+        meshes.insert(0, _coarser(meshes[0], 2))
+    # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
+    while from_string and len(meshes[0]) > FINE:
+        meshes.insert(0, _coarser(meshes[0], COARSENING))
+    return meshes
+
+
+def _with_errors(found: list[Solution], stages: Stages) -> Solution:
+    """The last of the solutions with its estimated errors, from those before it."""
+    solution, name = found[-1], "error estimate"
+    if solution.status is not Status.SOLVED:
+        return solution
+    usable = list(itertools.takewhile(lambda one: one.status is Status.SOLVED, reversed(found[-1 - HALVINGS :])))[::-1]
+    if len(usable) == 1:
+        stages.skipped(name, f"no answer on a mesh of half as many elements, of which {COARSEST} are the fewest")
+        return solution
+    measures = errors(usable)
+    stages.ran(name, f"from {len(usable) - 1} coarser meshes")
+    return replace(solution, error_estimate=measures[OMEGA], measures={**solution.measures, **measures})
+
+
+def _resolved(solution: Solution, nodes: Array) -> Solution:
+    """Takes the success back where the mesh is too coarse, and says so."""
+    message = shortcoming(solution, nodes)
+    if not message:
+        return solution
+    status = Status.ACCURACY_NOT_REACHED if solution.success else solution.status
+    return replace(solution, status=status, message=message)
 
 
 def _on_mesh(
@@ -144,7 +181,7 @@ def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
     return np.linspace(-length / 2, length / 2, elements + 1)
 
 
-def _coarser(nodes: Array) -> Array:
+def _coarser(nodes: Array, factor: int) -> Array:
     """Nodes of fewer cells, graded alike."""
     last = len(nodes) - 1
-    return np.interp(np.linspace(0.0, last, last // COARSENING + 1), np.arange(last + 1), nodes)
+    return np.interp(np.linspace(0.0, last, last // factor + 1), np.arange(last + 1), nodes)

@@ -1,0 +1,140 @@
+"""What an answer on a fixed mesh is worth: estimated errors from coarser meshes, and the layers that it has to resolve.
+
+Where contact begins and ends, the mesh knows to a part of an element only. So errors fall with the size of the elements,
+by and large, but jump up and down by ten times from mesh to mesh, and change their sign. A difference of two meshes is
+small by chance once in a while; four of them, in the same unit, hardly ever.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from belt_fenicsx.fields import Array
+from belt_fenicsx.scene import Scene
+from belt_fenicsx.solution import Solution
+from belt_fenicsx.zones import bending_layer, shear_layer
+
+OMEGA, TORQUE, CLAMP_MOMENT = "error of omega", "error of torque", "error of clamp moment"
+# Factors on the differences. Of 221 solved meshes of 50 to 400 elements (random scenes, thick and thin), two errors of omega
+# and one of the torque were above their estimates, by a tenth at most; the median estimate is ten times the error.
+SAFETY = {OMEGA: 1.0, TORQUE: 2.0, CLAMP_MOMENT: 2.0}
+
+# Estimated error of a torque or a clamp moment beyond which it is no answer.
+LARGEST_ERROR = 0.1
+
+# Length of the longest element that resolves a layer, in the layer's lengths. Measured on random scenes: with elements
+# of 0.5, 1, 2 and 4 bending layers the clamp moment is 0.15, 0.9, 4 and 18 % off; with more than 8 shear layers,
+# torques of more than ten times their friction's error are the exception no longer.
+LONGEST = {"bending": 2.0, "shear": 8.0}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer that a mesh has to resolve.
+
+    Attributes:
+        name: ``"bending"`` or ``"shear"``.
+        x: Where it is [m].
+        length: Its length [m].
+        element: Length of the mesh's element there [m].
+    """
+
+    name: str
+    x: float
+    length: float
+    element: float
+
+    @property
+    def excess(self) -> float:
+        """Length of the element over the longest one that resolves the layer."""
+        return self.element / (LONGEST[self.name] * self.length)
+
+
+def errors(solutions: Sequence[Solution]) -> dict[str, float]:
+    """Estimated relative errors of omega, torque and clamp moment, by name.
+
+    Errors of the stretch in stick and of the torque come from the same force that a mesh gets wrong. So the largest
+    force that one of them shows is taken for both.
+
+    Args:
+        solutions: Dimensionless solutions on two or three meshes of the same scene, each with about twice as many
+            elements as the one before.
+
+    Returns:
+        The error of omega relative to omega; that of the torque relative to R times the friction summed up without its
+        sign; that of the moments at the clamps relative to the larger of the two.
+    """
+    last, scene = solutions[-1], solutions[-1].scene
+    belt = scene.belt
+    stretches, forces, moments = (np.array(rows) for rows in zip(*(_seen(solution) for solution in solutions), strict=True))
+    # Halving the elements halves a difference.
+    halvings = 2.0 ** np.arange(2 - len(solutions), 1)
+    steps = np.maximum(belt.extensional_stiffness * np.abs(np.diff(stretches)), np.abs(np.diff(forces)))
+    force = float(np.max(halvings * steps))
+    friction = float(last.fields.weight @ np.abs(last.fields.f))
+    differences = {
+        OMEGA: force / (belt.extensional_stiffness * stretches[-1]),
+        TORQUE: force / friction if friction else 0.0,
+        CLAMP_MOMENT: float(np.max(np.abs(moments[-1] - moments[-2])) / np.max(np.abs(moments[-1]))),
+    }
+    return {name: SAFETY[name] * difference for name, difference in differences.items()}
+
+
+def _seen(solution: Solution) -> tuple[float, float, Array]:
+    """The stretch in stick, the resultant of friction, and the moments at the clamps ``(2,)``."""
+    contact, radius = solution.contacts[0], solution.scene.pulleys[0].radius
+    stretch = contact.omega * radius / solution.scene.transport_rate
+    return stretch, contact.torque / radius, solution.fields.M[[0, -1]]
+
+
+def least_resolved(solution: Solution, nodes: Array) -> Layer:
+    """The layer for which the mesh is coarsest: bending at the clamps and beside contact, shear inside of it.
+
+    Args:
+        solution: A solution with fields.
+        nodes: Positions of the mesh's nodes ``(n,)`` [m].
+    """
+    return max(_layers(solution.scene, solution, nodes), key=lambda layer: layer.excess)
+
+
+def _layers(scene: Scene, solution: Solution, nodes: Array) -> Iterator[Layer]:
+    fields, sizes = solution.fields, np.diff(nodes)
+    ends = [zone.sigma[0] for zone in solution.zones] + [nodes[-1]]
+    for index, sigma in enumerate((ends[0], ends[1], ends[-2], ends[-1])):
+        element = float(sizes[np.clip(np.searchsorted(nodes, sigma) - 1, 0, len(sizes) - 1)])
+        near = int(np.argmin(np.abs(fields.sigma - sigma)))
+        x, strain = float(fields.x[near]), float(fields.D[near]) - 1.0
+        yield Layer("bending", x, bending_layer(scene, strain), element)
+        if index in (1, 2):
+            yield Layer("shear", x, shear_layer(scene, strain), element)
+
+
+def shortcoming(solution: Solution, nodes: Array) -> str:
+    """Why a mesh is too coarse for its answer, and which one would do; empty where it is not.
+
+    Args:
+        solution: A solution with fields, and estimated errors among its measures where there are any.
+        nodes: Positions of the mesh's nodes ``(n,)`` [m].
+    """
+    layer, length = least_resolved(solution, nodes), nodes[-1] - nodes[0]
+    if layer.excess > 1.0:
+        longest = LONGEST[layer.name] * layer.length
+        return (
+            f"The mesh is too coarse for the {layer.name} layer of {layer.length:.3g} m at x = {layer.x:.6g} m, where its "
+            f"element is {layer.element:.3g} m long. It should be {longest:.3g} m at most: "
+            f"{math.ceil(length / longest)} equal elements, or a mesh that is finer there."
+        )
+    name = max((TORQUE, CLAMP_MOMENT), key=lambda name: solution.measures.get(name, 0.0))
+    error = solution.measures.get(name, 0.0)
+    if error <= LARGEST_ERROR:
+        return ""
+    wanted = math.ceil(error / LARGEST_ERROR * (len(nodes) - 1))
+    return (
+        f"The estimated {name} is {error:.2g}, more than {LARGEST_ERROR:g}: {wanted} equal elements would do, or a mesh "
+        f"that is finer at the {layer.name} layer of {layer.length:.3g} m at x = {layer.x:.6g} m, where its element is "
+        f"{layer.element:.3g} m long."
+    )
