@@ -24,13 +24,13 @@ from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.lagrangian_accuracy import OMEGA, errors, shortcoming
 from belt_fenicsx.lagrangian_forms import Problem
 from belt_fenicsx.lagrangian_run import NAME, Run
-from belt_fenicsx.mesh import check_elements
 from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.scene import Scene, SceneError, whole_number
 from belt_fenicsx.solution import Solution, Stage, Status, finish
 from belt_fenicsx.stages import Stages
 
+DEFAULT, FEWEST = 100, 2  # elements
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
 HALVINGS, COARSEST = 2, 8  # coarser meshes for the estimated errors, and their fewest elements
 SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than one of them alone
@@ -91,15 +91,16 @@ def solve(
     comm = MPI.COMM_WORLD if comm is None else comm
     plain, units = scene.dimensionless()
     nodes = _nodes(scene, elements, mesh) / units.length
-    fields = None
+    start = None
     if initial is not None and initial.fields is not None:
-        fields = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
-    meshes = _coarser_meshes(nodes, from_string=fields is None)
+        start = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
+    from_string = start is None
+    meshes = _coarser_meshes(nodes, from_string=from_string)
     asked = tuple(sorted((options or {}).items()))
     stages, found = Stages(), []
     for nodes in meshes:
         last, count = nodes is meshes[-1], len(nodes) - 1
-        on_mesh = functools.partial(_on_mesh, plain, nodes, fields, rtol if last else COARSE_RTOL, penalty_scale, asked)
+        on_mesh = functools.partial(_on_mesh, plain, nodes, start, rtol if last else COARSE_RTOL, penalty_scale, asked)
         if comm.size == 1 or count >= SHARED * comm.size:
             solution, own = on_mesh(comm), []
         else:
@@ -109,7 +110,8 @@ def solve(
         own += solution.stages
         stages += own if last else [replace(stage, name=f"{stage.name}, {count} elements") for stage in own]
         found.append(solution)
-        fields = solution.fields
+        if from_string:
+            start = solution.fields
     solution = replace(_with_errors(found, stages), stages=tuple(stages), iterations=stages.iterations)
     solution = solution.in_units(scene, units)
     if solution.status is Status.SOLVED:
@@ -122,7 +124,8 @@ def solve(
 def _coarser_meshes(nodes: Array, *, from_string: bool) -> list[Array]:
     """The mesh, behind coarser ones on which its solution begins and from which its errors are estimated."""
     meshes = [nodes]
-    while len(meshes) <= HALVINGS and len(meshes[0]) > 2 * COARSEST:
+    # With a start as good as another mesh's, each further mesh is one more to pay for.
+    while len(meshes) <= (HALVINGS if from_string else 1) and len(meshes[0]) > 2 * COARSEST:
         meshes.insert(0, _coarser(meshes[0], 2))
     # From the string, Newton has to move the borders over many small elements; from a coarser mesh over few.
     while from_string and len(meshes[0]) > FINE:
@@ -140,7 +143,7 @@ def _with_errors(found: list[Solution], stages: Stages) -> Solution:
         stages.skipped(name, f"no answer on a mesh of half as many elements, of which {COARSEST} are the fewest")
         return solution
     measures = errors(usable)
-    stages.ran(name, f"from {len(usable) - 1} coarser meshes")
+    stages.append(Stage(name=name, why=f"from {len(usable) - 1} coarser meshes", iterations=0))
     return replace(solution, error_estimate=measures[OMEGA], measures={**solution.measures, **measures})
 
 
@@ -177,7 +180,7 @@ def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
         if elements is not None:
             raise SceneError("elements", "be left out with a mesh", elements)
         return node_positions(mesh, length=length)
-    elements = check_elements(100 if elements is None else elements)
+    elements = DEFAULT if elements is None else whole_number("elements", elements, FEWEST)
     return np.linspace(-length / 2, length / 2, elements + 1)
 
 

@@ -3,7 +3,8 @@
 1. Frictionless, with a relaxed penalty, from the taut string.
 2. With friction, and a penalty that grows to its full value:
    lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
-   lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
+   lambda_f <- lambda_f + P_f D' in stick, in the mean of each element and clipped to Coulomb's bound, and
+   -s mu lambda_p in slip (18.16).
 
 Each update follows a loosely converged Newton solve; the loop ends when the multipliers and the penetration have
 come to rest.
@@ -51,6 +52,8 @@ LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
 # resultant, is closer to its limit by four to five digits.
 MULTIPLIER_CHANGE_PER_RTOL = 1e3
+# That of friction does not cancel, and counts by this factor more than that of pressure.
+FRICTION_COUNTS = 10.0
 
 
 class Run:
@@ -226,7 +229,7 @@ class Run:
         if total == 0.0:
             raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
         self.measures = {
-            "multiplier_change": float(max(dp, df) / total),
+            "multiplier_change": float(max(dp, FRICTION_COUNTS * df) / total),
             "penetration": float(deepest.item() / self.pulley.radius),
             "penalty": self.penalty,
             "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),
