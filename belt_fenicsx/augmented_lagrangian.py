@@ -1,8 +1,9 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
 Where the borders of the contact zone are is not known before, so a fine mesh starts from the solution on a coarser one
-(`lagrangian_run`, on each of them). Ranks share the meshes that are large enough for it; small ones the first rank
-solves alone. The answer is as good as the mesh, which knows the contact zone to a part of an element.
+(`lagrangian_run`, on each of them), from which its errors are estimated, too (`lagrangian_accuracy`). Ranks share the
+meshes that are large enough for it; small ones the first rank solves alone. The answer is as good as the mesh, which
+knows the contact zone to a part of an element.
 """
 
 from __future__ import annotations
@@ -61,11 +62,13 @@ def solve(
         throw: Whether a failure raises; otherwise its solution is given back.
 
     Returns:
-        The solution, with fields at two Gauss points in each element.
+        The solution, with fields at the clamps and at two Gauss points in each element. Its ``measures`` have estimated
+        errors, see `lagrangian_accuracy.errors`; where there is no coarser mesh to take them from, a stage says why.
+        Its status is ``ACCURACY_NOT_REACHED`` where the mesh is too coarse, and its message says which one would do.
 
     Raises:
-        SceneError: The pulley is driven in another way, the transition is not in the contact zone, or the mesh is
-            none of this belt.
+        SceneError: The pulley is driven in another way, the transition is not in the contact zone, the mesh is none of
+            this belt, ranks that solve together ask for different things, or do so from a thread.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
     comm = MPI.COMM_WORLD if comm is None else comm

@@ -52,8 +52,8 @@ LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
 # resultant, is closer to its limit by four to five digits.
 MULTIPLIER_CHANGE_PER_RTOL = 1e3
-# That of friction does not cancel, and counts by this factor more than that of pressure.
-FRICTION_COUNTS = 10.0
+# The resultant of the friction's change, which omega feels at once, counts by this factor more.
+RESULTANT_COUNTS = 10.0
 
 
 class Run:
@@ -220,16 +220,16 @@ class Run:
         new = self.multipliers = old.updated(state, self.pulley, penalty=penalty, friction=friction)
         comm, weights = self.problem.space.comm, state.weights
         blur = BLUR * EPS * self.pulley.radius * penalty * (new.p > 0.0)
-        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p, blur)
+        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.f - old.f, new.p, blur)
         sums = np.array([np.sum(weights * part) for part in parts])
         deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
         comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
         comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
-        dp, df, total, blurred = sums
+        dp, df, resultant, total, blurred = sums
         if total == 0.0:
             raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
         self.measures = {
-            "multiplier_change": float(max(dp, FRICTION_COUNTS * df) / total),
+            "multiplier_change": float(max(dp, df, RESULTANT_COUNTS * abs(resultant)) / total),
             "penetration": float(deepest.item() / self.pulley.radius),
             "penalty": self.penalty,
             "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),

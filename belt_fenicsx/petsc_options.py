@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
 PREFIX = "belt_"
+
+# The database is that of the process.
+_one_at_a_time = threading.Lock()
 
 
 def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mapping[str, Any] | None) -> None:
@@ -36,15 +40,16 @@ def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mappin
 def _set(solver: PETSc.SNES, options: Mapping[str, Any]) -> None:
     from petsc4py import PETSc
 
-    database = PETSc.Options()
-    added = [key for key in options if not database.hasName(PREFIX + key)]
-    try:
-        for key in added:
-            database[PREFIX + key] = _text(options[key])
-        solver.setFromOptions()
-    finally:
-        for key in added:
-            database.delValue(PREFIX + key)
+    with _one_at_a_time:
+        database = PETSc.Options()
+        added = [key for key in options if not database.hasName(PREFIX + key)]
+        try:
+            for key in added:
+                database[PREFIX + key] = _text(options[key])
+            solver.setFromOptions()
+        finally:
+            for key in added:
+                database.delValue(PREFIX + key)
 
 
 def _text(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,9 +84,11 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
         x_trans=x_trans,
         x_off=touching[-1].x[1],
         torque=float(-pulley.radius * np.sum(data.weight * data.f)),
-        wrap_angle=float(np.arctan2(off[0], off[1]) - np.arctan2(up[0], up[1])),
+        wrap_angle=math.atan2(*off) - math.atan2(*up),
         zones=tuple(touching),
     )
+    # Contiguous: of columns of a table NumPy 1 rounds the angle in one of two ways, by the place of its result.
+    dx, dy = np.ascontiguousarray(data.dr.T)
     fields = Fields.from_state(
         scene.belt,
         zone=np.searchsorted(starts, np.arange(len(kinds)), side="right"),
@@ -93,7 +96,7 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
         sigma=data.sigma,
         r=data.r,
         theta=data.theta,
-        phi=np.arctan2(data.dr[:, 1], data.dr[:, 0]),
+        phi=np.arctan2(dy, dx),
         D=data.D,
         kappa=data.kappa,
         p=data.p,
