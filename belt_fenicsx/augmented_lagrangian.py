@@ -21,7 +21,7 @@ from belt_fenicsx import recognition
 from belt_fenicsx.certificate import certified, check_transition
 from belt_fenicsx.collective import agreed, on_first
 from belt_fenicsx.fields import Array, Fields
-from belt_fenicsx.lagrangian_accuracy import OMEGA, errors, shortcoming
+from belt_fenicsx.lagrangian_accuracy import OMEGA, errors, errors_of_fields, shortcoming
 from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
@@ -79,7 +79,7 @@ def solve(
     solution = solution.in_units(scene, asked.units)
     if solution.status is Status.SOLVED:
         check_transition(scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
-        solution = certified(solution, tolerance=recognition.TOLERANCE)
+        solution = certified(solution, tolerance=recognition.TOLERANCE, balance=recognition.BALANCE)
         solution = _resolved(solution, asked.nodes * asked.units.length)
     return finish(solution, throw=throw)
 
@@ -186,7 +186,12 @@ def _with_errors(found: list[Solution], stages: Stages) -> Solution:
         return solution
     measures = errors(usable)
     stages.append(Stage(name=name, why=f"from {len(usable) - 1} coarser meshes", iterations=0))
-    return replace(solution, error_estimate=measures[OMEGA], measures={**solution.measures, **measures})
+    return replace(
+        solution,
+        error_estimate=measures[OMEGA],
+        field_errors=errors_of_fields(solution, measures[OMEGA]),
+        measures={**solution.measures, **measures},
+    )
 
 
 def _resolved(solution: Solution, nodes: Array) -> Solution:

@@ -92,6 +92,20 @@ def errors(solutions: Sequence[Solution]) -> dict[str, float]:
     }
 
 
+def errors_of_fields(solution: Solution, omega: float) -> dict[str, float]:
+    """Estimated largest errors of fields, relative to their largest values: of the sliding speed alone.
+
+    Its two parts, c D and R omega, are taken to have the same error. Pressure, friction and forces are resolved in the
+    layers as well as these are by the elements, of which this mesh and a coarser one tell little.
+
+    Args:
+        solution: The dimensionless solution.
+        omega: Estimated relative error of omega.
+    """
+    speed = solution.scene.pulleys[0].radius * solution.contacts[0].omega
+    return {"v_rel": float(2.0 * omega * speed / np.max(np.abs(solution.fields.v_rel)))}
+
+
 def _seen(solution: Solution) -> tuple[float, float, Array]:
     """The stretch in stick, the resultant of friction, and the moments at the clamps ``(2,)``."""
     contact, radius = solution.contacts[0], solution.scene.pulleys[0].radius

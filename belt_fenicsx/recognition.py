@@ -15,6 +15,8 @@ from belt_fenicsx.solution import Contact, Zone
 # Negative relative margin that the certificate allows: what unfinished updates of the multipliers leave. A coarse mesh
 # that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.
 TOLERANCE = 1e-6
+# The same of the balances, which a fixed mesh meets as well as it resolves the layers.
+BALANCE = 1e-3
 
 # Contact states of points, as numbers: arrays of words take six times the memory, and four times as long.
 FREE, STICK, FORWARD, BACKWARD, FRICTIONLESS = range(5)
