@@ -20,12 +20,13 @@ MOST = 1e-3  # of what is checked, that the estimated error of a field may excus
 SENSE = {"forward": 1.0, "backward": -1.0}
 
 
-def certified(solution: Solution, *, tolerance: float) -> Solution:
+def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> Solution:
     """Adds the certificate to a converged solution and takes its success back where a check fails.
 
     Args:
         solution: A converged solution, in the units of its scene.
         tolerance: Negative relative margin that the discretisation is allowed.
+        balance: The same of the balances.
 
     Raises:
         SceneError: The transition was asked for outside of the contact zone that was found.
@@ -33,7 +34,7 @@ def certified(solution: Solution, *, tolerance: float) -> Solution:
     if solution.fields is None:
         raise ValueError("A solution without fields cannot be certified.")
     scene, zones, fields = solution.scene, solution.zones, solution.fields
-    checks = certify(scene, zones, fields, tolerance=tolerance, errors=solution.field_errors)
+    checks = certify(scene, zones, fields, tolerance=tolerance, balance=balance, errors=solution.field_errors)
     checks += _drive_met(scene, solution.contacts[0], fields)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
@@ -58,6 +59,7 @@ def certify(
     fields: Fields,
     *,
     tolerance: float,
+    balance: float = BALANCE,
     errors: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Check, ...]:
     """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding and the balances.
@@ -70,6 +72,7 @@ def certify(
         zones: All zones, in the direction of travel.
         fields: Fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
+        balance: The same of the balances.
         errors: Estimated errors of fields, relative to their largest values, which a margin is allowed, too.
 
     Returns:
@@ -105,7 +108,7 @@ def certify(
         largest = np.array([speed[fields.zone == index].max(initial=0.0) for index in range(len(zones))])[fields.zone]
         unknown = errors.get("v_rel", 0.0) * float(speed.max()) + ROUNDING * scene.transport_rate
         check("sense of sliding in slip", sliding, sense * fields.v_rel, largest, unknown)
-    allowed = max(tolerance, BALANCE) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
+    allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
     for name, margin in _balances(scene, fields):
         checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))
     return tuple(checks)

@@ -72,6 +72,12 @@ class JoinedLU:
         self._b.array[self._rows] -= self._C @ np.linalg.solve(self._joined, alone)
         x.array[:] = self._own_solve()
 
+    def destroy(self, pc: PETSc.PC) -> None:
+        """Frees what PETSc holds of this rank's own factorisation; called by PETSc."""
+        if self._ksp is not None:
+            for item in (self._ksp, self._b, self._x):
+                item.destroy()
+
     def _own_solve(self) -> np.ndarray:
         self._ksp.solve(self._b, self._x)
         return self._x.array_r

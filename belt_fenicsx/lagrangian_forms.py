@@ -145,3 +145,7 @@ class Problem:
             dD=dD,
             g=g,
         )
+
+    def destroy(self) -> None:
+        """Frees what PETSc holds; collective."""
+        self.newton.destroy()

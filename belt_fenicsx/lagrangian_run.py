@@ -3,7 +3,8 @@
 1. Frictionless, with a relaxed penalty, from the taut string.
 2. With friction, and a penalty that grows to its full value:
    lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
-   lambda_f <- lambda_f + P_f D' in stick, clipped to Coulomb's bound, and -s mu lambda_p in slip (18.16).
+   lambda_f <- lambda_f + P_f D' in stick, in the mean of each element and clipped to Coulomb's bound, and
+   -s mu lambda_p in slip (18.16).
 
 Each update follows a loosely converged Newton solve; the loop ends when the multipliers and the penetration have
 come to rest.
@@ -41,7 +42,8 @@ NAME = "augmented-lagrangian"
 MAX_UPDATES = 200
 NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
 EPS = np.finfo(float).eps
-PENETRATION_TOL = 1e-9
+# Largest penetration per rtol, in the pulley's radius, and the bounds that it stays in whatever rtol is.
+PENETRATION_PER_RTOL, PENETRATION_RANGE = 1e-1, (1e-9, 1e-7)
 # Share of the nodal forces' rounding errors that does not cancel in the pressure: 0.05, measured on 4e5 elements.
 ROUNDING = 0.1
 # Rounding errors of a penetration by which updates go on to change the pressure: 0.4, measured on graded meshes.
@@ -50,6 +52,8 @@ LEAST_GROWTH = 1.2
 # What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
 # resultant, is closer to its limit by four to five digits.
 MULTIPLIER_CHANGE_PER_RTOL = 1e3
+# The resultant of the friction's change, which omega feels at once, counts by this factor more.
+RESULTANT_COUNTS = 10.0
 
 
 class Run:
@@ -101,15 +105,28 @@ class Run:
         )  # fmt: skip
 
     def _gathered(self, state: State) -> recognition.GaussData:
-        """Everything at the Gauss points, of all ranks."""
+        """Everything at the Gauss points and at the clamps, of all ranks."""
         p, f, share = self.multipliers.p, self.multipliers.f, slip_share(state, self.pulley)
         columns = (state.sigma, state.weights, state.theta, state.kappa, state.g, p, f, share)
-        table = self.problem.space.gather(np.concatenate([np.stack(columns, axis=-1), state.r, state.dr], axis=-1))
+        table = np.concatenate([np.stack(columns, axis=-1), state.r, state.dr], axis=-1)
+        table = self.problem.space.gather(self._between_clamps(table.reshape(-1, table.shape[-1])))
         sigma, weight, theta, kappa, g, p, f, share = table[:, :8].T
         return recognition.GaussData(
             sigma=sigma, weight=weight, r=table[:, 8:10], dr=table[:, 10:], theta=theta, kappa=kappa, g=g, p=p, f=f,
             share=share,
         )  # fmt: skip
+
+    def _between_clamps(self, table: Array) -> Array:
+        """Adds the clamps that this rank has as rows of a table of its Gauss points: free, and without weight."""
+        nodes, half = self.problem.nodes, self.scene.belt.length / 2
+        values, slopes = self.problem.space.nodal()
+        ends = [index for index, end in ((0, -half), (-1, half)) if nodes[index] == end]
+        zero, (r, theta) = np.zeros(len(ends)), np.split(values[ends], [2], axis=1)
+        dr, kappa = np.split(slopes[ends] / self.problem.slopes[ends, np.newaxis], [2], axis=1)
+        g = self.pulley.radius - np.hypot(*(r - np.asarray(self.pulley.center)).T)
+        columns = (nodes[ends], zero, theta[:, 0], kappa[:, 0], g, zero, zero, zero, *r.T, *dr.T)
+        table = np.concatenate([table, np.stack(columns, axis=-1)])
+        return table[np.argsort(table[:, 0])]
 
     def relaxed(self, why: str) -> None:
         """First phase: frictionless with the relaxed penalty, from the taut string and its pressure T D / R."""
@@ -187,7 +204,8 @@ class Run:
         """
         change = max(MULTIPLIER_CHANGE_PER_RTOL * rtol, self.measures["rounding"])
         unchanged = iterations == 0 or self.measures["multiplier_change"] <= change
-        return unchanged and self.measures["penetration"] <= PENETRATION_TOL
+        penetration = np.clip(PENETRATION_PER_RTOL * rtol, *PENETRATION_RANGE)
+        return unchanged and self.measures["penetration"] <= penetration
 
     def _newton(self) -> int:
         problem = self.problem
@@ -202,16 +220,16 @@ class Run:
         new = self.multipliers = old.updated(state, self.pulley, penalty=penalty, friction=friction)
         comm, weights = self.problem.space.comm, state.weights
         blur = BLUR * EPS * self.pulley.radius * penalty * (new.p > 0.0)
-        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.p, blur)
+        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.f - old.f, new.p, blur)
         sums = np.array([np.sum(weights * part) for part in parts])
         deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
         comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
         comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
-        dp, df, total, blurred = sums
+        dp, df, resultant, total, blurred = sums
         if total == 0.0:
             raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
         self.measures = {
-            "multiplier_change": float(max(dp, df) / total),
+            "multiplier_change": float(max(dp, df, RESULTANT_COUNTS * abs(resultant)) / total),
             "penetration": float(deepest.item() / self.pulley.radius),
             "penalty": self.penalty,
             "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),

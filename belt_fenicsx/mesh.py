@@ -15,19 +15,6 @@ from mpi4py import MPI
 from belt_fenicsx import compat
 from belt_fenicsx.scene import SceneError
 
-FEWEST = 2  # elements of a mesh
-
-
-def check_elements(elements: int) -> int:
-    """Checks a number of elements.
-
-    Raises:
-        SceneError: It is none; on all ranks, before anything collective.
-    """
-    if isinstance(elements, bool) or not isinstance(elements, int) or elements < FEWEST:
-        raise SceneError("elements", f"be a whole number of at least {FEWEST}", elements)
-    return elements
-
 
 def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, np.ndarray]:
     """Interval [0, ``elements``] of cells of length one, each rank with an equal part of them, in their order.
@@ -42,7 +29,7 @@ def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, np.ndarray]:
     Raises:
         SceneError: There are not enough elements for the ranks.
     """
-    if check_elements(elements) < comm.size:
+    if elements < comm.size:
         raise SceneError("elements", f"be at least {comm.size}, one for each rank", elements)
     rank, most = comm.rank, comm.size - 1
     first, last = (elements * part // comm.size for part in (rank, rank + 1))

@@ -72,8 +72,18 @@ class Multipliers:
             return Multipliers(p=p, f=self.f)
         bound = pulley.friction * p
         share = slip_share(state, pulley)
-        stick = np.clip(self.f + friction * state.dD, -bound, bound)
+        stick = np.clip(_mean(self.f + friction * state.dD, state.weights * (p > 0.0)), -bound, bound)
         return Multipliers(p=p, f=(1.0 - share) * stick - share * SENSE[pulley.slip] * bound)
+
+
+def _mean(values: Array, weights: Array) -> Array:
+    """Mean over the points of each cell ``(cells, 1)``; zero where they have no weight.
+
+    A cubic on a circle has D' of opposite signs at a cell's two points, which falls with the third power of its size.
+    Little friction cannot make it zero at either: at its bound at both, with opposite signs, it held nothing at all.
+    """
+    whole = np.sum(weights, axis=1, keepdims=True)
+    return np.sum(weights * values, axis=1, keepdims=True) / np.where(whole > 0.0, whole, 1.0)
 
 
 def slip_share(state: State, pulley: Pulley) -> Array:

@@ -128,7 +128,11 @@ class Newton:
                 return 0
             self._matrix = petsc.create_matrix(self._J)
             self.snes.setJacobian(self._jacobian, self._matrix)
-        self.snes.solve(None, self._x)
+        try:
+            self.snes.solve(None, self._x)
+        except PETSc.Error as error:
+            # Behind which newer releases of petsc4py put whatever a callback raises, also Ctrl-C.
+            raise error.__cause__ or error from None
         reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
         self._load(self._x if reason > 0 else self._start)
         if reason <= 0:
@@ -144,3 +148,9 @@ class Newton:
         """Norms of the last solve's residual, and of the step by which all its iterations moved the unknown."""
         self._start.aypx(-1.0, self._x)
         return self._b.norm(), self._start.norm()
+
+    def destroy(self) -> None:
+        """Frees PETSc's objects; collective. They hold this object and are held by it, which Python does not see."""
+        for item in (self.snes, self._matrix, self._w, self._b, self._x, self._start):
+            if item is not None:
+                item.destroy()

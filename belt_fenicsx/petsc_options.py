@@ -2,28 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import threading
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
+
+from belt_fenicsx.scene import SceneError
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
 PREFIX = "belt_"
 
+# The database is that of the process.
+_one_at_a_time = threading.Lock()
+
 
 def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mapping[str, Any] | None) -> None:
     """Options of a solver: built-in defaults < the caller's < the command line's.
 
     The options database is global: what was put there for this solver is taken out again.
+
+    Raises:
+        SceneError: PETSc does not take the value of one of the caller's options.
     """
     from petsc4py import PETSc
 
-    database = PETSc.Options()
-    wanted = {PREFIX + key: value for key, value in {**defaults, **(options or {})}.items()}
-    added = [key for key in wanted if not database.hasName(key)]
-    for key in added:
-        database[key] = wanted[key]
+    asked = dict(options or {})
     solver.setOptionsPrefix(PREFIX)
-    solver.setFromOptions()
-    for key in added:
-        database.delValue(key)
+    try:
+        _set(solver, {**defaults, **asked})
+    except PETSc.Error as error:
+        raise _refused(solver, asked.items(), error) from None
+
+
+def _set(solver: PETSc.SNES, options: Mapping[str, Any]) -> None:
+    from petsc4py import PETSc
+
+    with _one_at_a_time:
+        database = PETSc.Options()
+        added = [key for key in options if not database.hasName(PREFIX + key)]
+        try:
+            for key in added:
+                database[PREFIX + key] = _text(options[key])
+            solver.setFromOptions()
+        finally:
+            for key in added:
+                database.delValue(PREFIX + key)
+
+
+def _text(value: Any) -> Any:
+    """A value as PETSc reads it: floats without a point, as C reads a comma for it in some languages."""
+    if isinstance(value, float) and math.isfinite(value):
+        sign, digits, exponent = Decimal(repr(float(value))).as_tuple()
+        return f"{'-' * sign}{''.join(map(str, digits))}e{exponent}"
+    return value
+
+
+def _refused(solver: PETSc.SNES, options: Iterable[tuple[str, Any]], error: Exception) -> Exception:
+    """The error that names the option that PETSc does not take; PETSc's own where it takes each of them."""
+    from petsc4py import PETSc
+
+    for key, value in options:
+        try:
+            _set(solver, {key: value})
+        except PETSc.Error:
+            return SceneError(f"options.{key}", "have a value that PETSc takes", value)
+    return error

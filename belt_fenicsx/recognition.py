@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from belt_fenicsx.solution import Contact, Zone
 # Negative relative margin that the certificate allows: what unfinished updates of the multipliers leave. A coarse mesh
 # that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.
 TOLERANCE = 1e-6
+# The same of the balances, which a fixed mesh meets as well as it resolves the layers.
+BALANCE = 1e-3
 
 # Contact states of points, as numbers: arrays of words take six times the memory, and four times as long.
 FREE, STICK, FORWARD, BACKWARD, FRICTIONLESS = range(5)
@@ -65,27 +68,29 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
 
     half = scene.belt.length / 2
     sigma = np.array([-half, *(_border(data, kinds, start, pulley.x_trans) for start in starts), half])
-    x = np.array([-scene.span / 2, *(_r(data, place)[0] for place in sigma[1:-1]), scene.span / 2])
+    places = _r(data, sigma[1:-1])
+    x = np.array([-scene.span / 2, *places[:, 0], scene.span / 2])
     zones = tuple(_zone(kind, sigma[i : i + 2], x[i : i + 2]) for i, kind in enumerate(kinds[np.append(0, starts)]))
 
     touching = [zone for zone in zones if zone.kind != "free"]
-    sigma_up, sigma_off = touching[0].sigma[0], touching[-1].sigma[1]
     sigma_trans, x_trans = _transition(data, pulley.x_trans, touching)
     stuck = (kinds == STICK) & (data.share == 0.0) & (np.abs(data.f) < pulley.friction * data.p)
     D_trans = (
-        np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1))
+        np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1).T)
     )
     omega = scene.transport_rate * float(D_trans) / pulley.radius
-    up, off = (_r(data, sigma) - np.asarray(pulley.center) for sigma in (sigma_up, sigma_off))
+    up, off = places[[0, -1]] - np.asarray(pulley.center)
     contact = Contact(
         omega=omega,
         x_up=touching[0].x[0],
         x_trans=x_trans,
         x_off=touching[-1].x[1],
         torque=float(-pulley.radius * np.sum(data.weight * data.f)),
-        wrap_angle=float(np.arctan2(off[0], off[1]) - np.arctan2(up[0], up[1])),
+        wrap_angle=math.atan2(*off) - math.atan2(*up),
         zones=tuple(touching),
     )
+    # Contiguous: of columns of a table NumPy 1 rounds the angle in one of two ways, by the place of its result.
+    dx, dy = np.ascontiguousarray(data.dr.T)
     fields = Fields.from_state(
         scene.belt,
         zone=np.searchsorted(starts, np.arange(len(kinds)), side="right"),
@@ -93,7 +98,7 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
         sigma=data.sigma,
         r=data.r,
         theta=data.theta,
-        phi=np.arctan2(data.dr[:, 1], data.dr[:, 0]),
+        phi=np.arctan2(dy, dx),
         D=data.D,
         kappa=data.kappa,
         p=data.p,
@@ -144,11 +149,9 @@ def _lift_off(data: GaussData, near: int, outwards: int) -> float:
     return float(data.sigma[near] + (data.sigma[near] - data.sigma[far]) * gaps[1] / (gaps[0] - gaps[1]))
 
 
-def _r(data: GaussData, sigma: float, derivative: int = 0) -> Array:
-    """Position ``(2,)``, or its derivative, by cubics between the points."""
-    after = int(np.clip(np.searchsorted(data.sigma, sigma), 1, len(data.sigma) - 1))
-    beside = slice(after - 1, after + 1)
-    return CubicHermiteSpline(data.sigma[beside], data.r[beside], data.dr[beside])(sigma, derivative)
+def _r(data: GaussData, sigma: Array, derivative: int = 0) -> Array:
+    """Positions ``(n, 2)``, or their derivatives, by cubics between the points."""
+    return CubicHermiteSpline(data.sigma, data.r, data.dr)(sigma, derivative)
 
 
 def _sigma_at(data: GaussData, near: int, x: float) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, Literal
 
 Slip = Literal["forward", "backward"]
@@ -80,6 +80,13 @@ def positive(name: str, value: object, unit: str) -> float:
     if result < SMALLEST:
         raise SceneError(name, f"be at least {SMALLEST:g} [{unit}]", value)
     return result
+
+
+def whole_number(name: str, value: object, least: int) -> int:
+    """Checks that ``value`` is a whole number of at least ``least`` and returns it as an int."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise SceneError(name, f"be a whole number of at least {least}", value)
+    return int(value)
 
 
 def _set(instance: object, **values: object) -> None:

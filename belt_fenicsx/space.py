@@ -85,6 +85,12 @@ class HermiteSpace:
         for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
             self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
 
+    def nodal(self) -> Array:
+        """x, y, theta ``[0]`` and their derivatives by eta ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""
+        dofs = self._dofs[:, np.array([X_DOFS, Y_DOFS, THETA_DOFS])]
+        values = self.w.x.array[np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]])]
+        return np.moveaxis(values, -1, 0)
+
     def gauss_function(self) -> fem.Function:
         """A new coefficient with one value for each Gauss point, zero."""
         return fem.Function(self._gauss_space)

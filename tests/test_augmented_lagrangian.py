@@ -41,7 +41,10 @@ def test_published_case(published):
 def test_reports_what_the_updates_stopped_on(published):
     assert published.measures["multiplier_change"] <= 1e-5
     assert published.measures["penetration"] <= 1e-9
-    assert set(published.timings) == {"set-up", "relaxed", "frictional"}
+    assert set(published.timings) == {
+        *(f"{stage}, {elements} elements" for stage in ("set-up", "frictional") for elements in (25, 50)),
+        *("relaxed, 25 elements", "set-up", "frictional", "error estimate"),
+    }
 
 
 def test_contact_forces_near_the_borders_are_as_good_as_an_element(published):
@@ -162,9 +165,9 @@ def test_warm_start_skips_the_first_phase(published):
     cold = solve_fixed(scene(x_trans=0.02))
     assert again.omega == pytest.approx(cold.omega, rel=1e-8)
     assert again.iterations < cold.iterations
-    (skipped,) = [stage for stage in again.stages if stage.iterations is None]
-    assert skipped.name == "relaxed"
-    assert "initial" in skipped.why
+    skipped = [stage for stage in again.stages if stage.iterations is None]
+    assert [stage.name for stage in skipped] == ["relaxed, 50 elements", "relaxed"]
+    assert all("initial" in stage.why for stage in skipped)
 
 
 def test_warm_start_from_another_mesh(published):
@@ -246,10 +249,15 @@ def test_kinks_where_contact_begins_and_ends_do_not_stop_newtons_iteration(eleme
     assert solve_fixed(Scene(), elements=elements).omega == pytest.approx(OMEGA, rel=3e-6)
 
 
-@pytest.mark.parametrize("elements", [0, 1, 2.5, True])
+@pytest.mark.parametrize("elements", [0, -3, 1, 2.5, True, "10", np.float64(100.0)])
 def test_elements_that_make_no_mesh(elements):
     with pytest.raises(SceneError, match="`elements` must be a whole number of at least 2"):
         solve_fixed(Scene(), elements=elements)
+
+
+@pytest.mark.parametrize("elements", [None, np.int64(100)])
+def test_whole_numbers_of_any_kind_make_a_mesh(published, elements):
+    assert solve_fixed(Scene(), elements=elements).omega == published.omega
 
 
 def test_more_ranks_than_elements():

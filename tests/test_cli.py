@@ -351,7 +351,7 @@ def test_a_mesh_from_a_file(capfd, tmp_path):
         (
             "augmented-lagrangian",
             "lagrangian_run",
-            r"100 elements, update 1, Newton iterations \d+: residual \S+, step \S+, penetration \S+, "
+            r"25 elements, update 1, Newton iterations \d+: residual \S+, step \S+, penetration \S+, "
             r"multiplier change \S+, contact from -0\.2\d+ to 0\.2\d+ Ls",
         ),
     ],

@@ -134,7 +134,7 @@ def test_ranks_write_each_file_once_and_its_values_come_back(tmp_path):
     assert fields_csv(again) == (folder / "fields.csv").read_text()
     mesh = meshio.read(folder / "belt.vtu")
     assert np.array_equal(mesh.points[:, :2], fields.r)
-    assert np.array_equal(mesh.cells_dict["line"], np.arange(119)[:, np.newaxis] + (0, 1))
+    assert np.array_equal(mesh.cells_dict["line"], np.arange(121)[:, np.newaxis] + (0, 1))
     assert np.all(np.diff(np.ravel(mesh.point_data["sigma"])) > 0.0)
     for name in ("sigma", "theta", "D", "p", "f", "M", "v_rel"):
         assert np.array_equal(np.ravel(mesh.point_data[name]), getattr(fields, name)), name

@@ -70,7 +70,7 @@ def test_cells_that_jump_in_size_converge():
     def jumping(cells):
         return np.unique(np.concatenate([np.linspace(-0.5, 0.1, cells // 5 + 1), np.linspace(0.1, 0.5, cells + 1)]))
 
-    assert error(mesh=jumping(400)) < error(mesh=jumping(50)) / 4 < 1e-4
+    assert error(mesh=jumping(800)) < error(mesh=jumping(200)) / 4 < 1e-5
 
 
 def test_lengths_are_those_of_the_scene(make):
