@@ -26,11 +26,11 @@ from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
 from belt_fenicsx.problems import Options, problems, taking_turns
-from belt_fenicsx.scene import Scene, SceneError, Units, whole_number
+from belt_fenicsx.scene import FEWEST_ELEMENTS, Scene, SceneError, Units, whole_number
 from belt_fenicsx.solution import Solution, Stage, Status, finish
 from belt_fenicsx.stages import Stages
 
-DEFAULT, FEWEST = 100, 2  # elements
+DEFAULT = 100  # elements
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6
 HALVINGS, COARSEST = 2, 8  # coarser meshes for the estimated errors, and their fewest elements
 SHARED = 1000  # elements of a rank, from which on ranks that share a mesh are faster than one of them alone
@@ -220,7 +220,7 @@ def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
         if elements is not None:
             raise SceneError("elements", "be left out with a mesh", elements)
         return node_positions(mesh, length=length)
-    elements = DEFAULT if elements is None else whole_number("elements", elements, FEWEST)
+    elements = DEFAULT if elements is None else whole_number("elements", elements, FEWEST_ELEMENTS)
     return np.linspace(-length / 2, length / 2, elements + 1)
 
 

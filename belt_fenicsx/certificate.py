@@ -124,13 +124,14 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     capacity = pulley.friction * float(fields.weight @ fields.p)
     if not capacity > 0.0 or isinstance(pulley.x_trans, str):
         return ()
+    missed = abs(getattr(contact, pulley.drive) - getattr(pulley, pulley.drive))
+    # In units of the force that friction can transmit, or of the contact's length.
+    missed *= {
+        "x_trans": 1.0 / (contact.x_off - contact.x_up),
+        "torque": 1.0 / (pulley.radius * capacity),
+        "omega": pulley.radius / scene.transport_rate * b1 / capacity,
+    }[pulley.drive]
     unknown = ROUNDING * b1 / capacity
-    if pulley.drive == "x_trans":
-        missed = abs(contact.x_trans - pulley.x_trans) / (contact.x_off - contact.x_up)
-    elif pulley.drive == "torque":
-        missed = abs(contact.torque - pulley.torque) / (pulley.radius * capacity)
-    else:
-        missed = abs(contact.omega - pulley.omega) * pulley.radius / scene.transport_rate * b1 / capacity
     return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 

@@ -35,7 +35,7 @@ from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, WARM, Run, Start, meets, starts, warm
 from belt_fenicsx.fitted_state import State
-from belt_fenicsx.scene import RUN_UP, Scene, SceneError, Slip
+from belt_fenicsx.scene import FEWEST_ELEMENTS, RUN_UP, Scene, SceneError, Slip, whole_number
 from belt_fenicsx.solution import Solution, Status, finish
 from belt_fenicsx.stages import Stopped
 
@@ -87,6 +87,7 @@ def solve(
     """
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
+    elements = None if elements is None else whole_number("elements", elements, FEWEST_ELEMENTS)
     run = Run(scene, *scene.dimensionless(), elements, newton(tuple(sorted((options or {}).items()))))
     solution = solved(run, starts(run, initial), rtol, degree)
     if solution.status is Status.CAPACITY_EXCEEDED and not exceeds_capacity(scene):

@@ -61,7 +61,8 @@ def error_of_known(
         change_before: That by the degree before; zero where there is none.
     """
     left = min(LEFT, GAIN * change / change_before) if change_before else LEFT_FIRST
-    by_known = left * abs(1.0 - _known(scene, before) / _known(scene, state))
+    # Relative to a stretch of the belt: a pulley that stands still has no speed.
+    by_known = left * abs(_known(scene, state) - _known(scene, before)) / state.D_stick
     return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
 
 

@@ -16,6 +16,7 @@ from typing import Any, Literal
 Slip = Literal["forward", "backward"]
 DRIVES = ("x_trans", "omega", "torque")
 RUN_UP, RUN_OFF = "run-up", "run-off"
+FEWEST_ELEMENTS = 2  # that any method may be asked for
 
 # Products of powers of numbers of this size stay within the range of a float.
 SMALLEST, LARGEST = 1e-100, 1e100
