@@ -27,11 +27,17 @@ LEAST = (
 )
 ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
 BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
-# Part of a field's change that is left, in units of the factor by which the pressure's fell; at least and at most.
-# Changes that fall no further are rounding, of which the first of two can be the smaller.
-FIELD_GAIN, FIELD_LEAST, FIELD_MOST = 4.0, 1 / 5, 3.0
+# Part of a field's change that is left: of stretches, whose errors fall by more, and of all others.
+LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
+# The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
+# no further are rounding, of which the first of two can be the smaller.
+TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
+STRETCH = 5e-12  # rounding error of a stretch at any point
 # Components of the fields that are compared; the bending moment goes with kappa.
 ROWS = {"r": 2, "theta": 1, "D": 1, "eps": 1, "Gamma": 1, "kappa": 1, "Q": 2, "p": 1, "f": 1, "v_rel": 1}
+
+
+STRETCHES = ("D", "eps", "v_rel")
 
 
 def change_of_pressure(start: State, end: State) -> float:
@@ -93,14 +99,18 @@ def errors_of_fields(
         change_before: That by the degree before; zero where there is none.
     """
     fall = change / change_before if change_before else 0.0
-    left = min(max(FIELD_GAIN * fall, FIELD_LEAST), FIELD_MOST)
+    left_of_tractions = min(max(TRACTION_GAIN * fall, LEFT_OF_FIELDS), TRACTION_MOST)
+    left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": left_of_tractions, "f": left_of_tractions}
     old, new = _table(scene, before), _table(scene, state)
     starts = np.cumsum([0, *ROWS.values()])[:-1]
     changes, largest = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
     sizes = dict(zip(ROWS, largest.tolist(), strict=True))
     sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
-    # Without friction, the traction f is zero, and so is its error.
-    errors = {name: left * change / (sizes[name] or 1.0) for name, change in zip(ROWS, changes.tolist(), strict=True)}
+    errors = {}
+    for name, change_of_field in zip(ROWS, changes.tolist(), strict=True):
+        error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, STRETCH if name in STRETCHES else 0.0)
+        # Without friction, the traction f is zero, and so is its error.
+        errors[name] = error / (sizes[name] or 1.0)
     return {**errors, "M": errors["kappa"]}
 
 
