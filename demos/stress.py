@@ -1,10 +1,10 @@
 # %% [markdown]
 # # Stress test: scenes at random, two methods, no silent error
 #
-# Each scene is solved by finite elements with fitted zones and by the boundary-value problem, which share the scene, the
-# first guess and the certificate. Where the first finds no answer, it starts once more from the zones of the second; how
-# often is told. A scene ends in one of three ways: both have an admissible answer and agree; both refuse it with the
-# same status; or it is a failure that is listed with its cause.
+# Each scene is solved by finite elements with fitted zones and by the boundary-value problem, which share the scene,
+# the first guess and the certificate. Where the first finds no answer, it starts once more from the zones of the
+# second; how often is told. A scene ends in one of three ways: both have an admissible answer and agree; both refuse it
+# with the same status; or it is a failure that is listed with its cause.
 #
 #     python demos/stress.py                  500 scenes like the chapter's
 #     python demos/stress.py --kind thin --count 50 --seed 7
