@@ -128,7 +128,7 @@ def _warm(run: Run, initial: State | None) -> State | None:
         run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
     problem = pose(run.scene, initial.order)
-    coarse = newton(problem, initial.discrete.on(run.intervals))
+    coarse = newton(problem, initial.discrete.on(problem, run.intervals))
     run.stages.ran("warm start", "from the given solution", coarse.iterations)
     state = ordered(run, State(initial.order, problem, coarse))
     if not answers(run, state):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp_collocation import Discrete
-from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, moment
+from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, moment, places
 from belt_fenicsx.bvp_zones import Slip
 from belt_fenicsx.fields import Fields
 from belt_fenicsx.scene import Scene
@@ -77,9 +77,9 @@ def answer(
     """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
     p, borders = discrete.p, problem.borders(discrete.p)
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
-    zones, columns = [], []
+    zones, columns, inside = [], [], places(discrete.widths, xi)
     for i, (zone, y, c) in enumerate(problem.parts(discrete.between(xi), p)):
-        sigma = (1.0 - xi) * borders[i] + xi * borders[i + 1]
+        sigma = (1.0 - inside[i]) * borders[i] + inside[i] * borders[i + 1]
         state = zone.state(problem.rod, y, c)
         columns.append(np.vstack([np.full_like(xi, i), sigma, state, *zone.tractions(problem.rod, y, c)]))
         sense = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None

@@ -1,8 +1,8 @@
 """Collocation of order four on meshes graded by the belt's boundary layers, and its error.
 
-SciPy's solve_bvp is used on given meshes, not on those that it would choose: all of them belong to one family of
-graded meshes. So the error of a functional falls with a clean fourth power of the number of intervals, and two
-meshes show it.
+SciPy's solve_bvp is used on given meshes, not on those that it would choose: all of them are uniform in the
+coordinates of the zones' maps, which widen the layers. So the error of a functional falls with a clean fourth power of
+the number of intervals, and two meshes show it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.interpolate import PPoly
 
-from belt_fenicsx.bvp_problem import Problem
+from belt_fenicsx.bvp_problem import SAME, Problem, placed_at, places
 from belt_fenicsx.fields import Array
 
 ORDER = 4  # of collocation with three Lobatto points
@@ -31,7 +31,7 @@ class Discrete:
     """A solution of the collocation's equations, or a guess of one.
 
     Attributes:
-        width: Width of the boundary layers on the mesh, in parts of a zone.
+        widths: Widths of the layers that the map of each zone widens, in parts of the zone ``(len(zones),)``.
         mesh: Nodes in [0, 1], shared by all zones ``(m + 1,)``.
         y: Functions at the nodes ``(n, m + 1)``.
         p: Parameters ``(k,)``.
@@ -40,7 +40,7 @@ class Discrete:
         iterations: Number of Jacobians.
     """
 
-    width: float
+    widths: Array
     mesh: Array
     y: Array
     p: Array
@@ -53,23 +53,20 @@ class Discrete:
         """Whether Newton's iteration converged."""
         return self.residual <= NEWTON
 
-    def on(self, intervals: int) -> Discrete:
-        """Itself as a guess on another mesh of the same family."""
-        mesh = graded(self.width, intervals)
-        return replace(self, mesh=mesh, y=self.between(mesh))
+    def on(self, problem: Problem, intervals: int) -> Discrete:
+        """Itself as a guess on another mesh, whose maps are made for its own layers."""
+        mesh, widths = np.linspace(0.0, 1.0, intervals + 1), problem.widths(self.p)
+        change = widths / self.widths
+        widths = np.where((change < SAME) & (change > 1.0 / SAME), self.widths, widths)
+        if np.array_equal(widths, self.widths):
+            return replace(self, mesh=mesh, y=self.between(mesh))
+        before = placed_at(self.widths, places(widths, mesh))
+        y = [self.between(xi)[rows] for xi, (rows, _) in zip(before, problem.slices, strict=True)]
+        return replace(self, widths=widths, mesh=mesh, y=np.concatenate(y))
 
     def finer(self, pieces: int) -> Array:
-        """Places in [0, 1], the nodes among them, that divide each interval of the mesh ``(pieces m + 1,)``."""
-        m = self.mesh.size - 1
-        return np.interp(np.arange(pieces * m + 1) / pieces, np.arange(m + 1), self.mesh)
-
-
-def graded(width: float, intervals: int) -> Array:
-    """Nodes in [0, 1], their density about 1 / (distance to the nearer end + width) ``(intervals + 1,)``."""
-    reach = 1.0 + 2.0 * width
-    nodes = (1.0 + reach * np.tanh(np.linspace(-1.0, 1.0, intervals + 1) * np.arctanh(1.0 / reach))) / 2.0
-    nodes[0], nodes[-1] = 0.0, 1.0
-    return nodes
+        """Coordinates, the nodes among them, that divide each interval of the mesh ``(pieces m + 1,)``."""
+        return np.linspace(0.0, 1.0, pieces * (self.mesh.size - 1) + 1)
 
 
 def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
@@ -79,13 +76,16 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
     def rate_jacobian(x: Array, y: Array, p: Array) -> tuple[Array, Array]:
         nonlocal jacobians
         jacobians += 1
-        return problem.rate_jacobian(x, y, p)
+        return problem.rate_jacobian(x, y, p, start.widths)
+
+    def rate(x: Array, y: Array, p: Array) -> Array:
+        return problem.rate(x, y, p, start.widths)
 
     mesh, y, p = start.mesh, start.y, start.p
     for _ in range(ROUNDS):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
-            problem.rate,
+            rate,
             problem.residual,
             mesh,
             y,
@@ -97,7 +97,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
             max_nodes=mesh.size,
         )
         y, p = result.y, result.p
-        residual = _residual(problem, mesh, y, result.yp, p)
+        residual = _residual(problem, replace(start, y=y, p=p), result.yp)
         if residual <= tolerance or not math.isfinite(residual):
             break
     # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
@@ -115,7 +115,7 @@ def refined(
     iterations = 0
     intervals = max(1.5 * (coarse.mesh.size - 1), (TYPICAL / rtol) ** (1 / ORDER))
     while True:
-        fine = newton(problem, coarse.on(math.ceil(intervals)), min(max(rtol, FINEST_NEWTON), NEWTON))
+        fine = newton(problem, coarse.on(problem, math.ceil(intervals)), min(max(rtol, FINEST_NEWTON), NEWTON))
         iterations += fine.iterations
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
         change = abs(functional(problem, fine) / functional(problem, coarse) - 1.0)
@@ -126,10 +126,11 @@ def refined(
         intervals = min(intervals * min(max((1.2 * error / rtol) ** (1 / ORDER), 1.2), 4.0), FINEST)
 
 
-def _residual(problem: Problem, mesh: Array, y: Array, rate: Array, p: Array) -> float:
+def _residual(problem: Problem, discrete: Discrete, rate: Array) -> float:
+    mesh, y, p = discrete.mesh, discrete.y, discrete.p
     h = np.diff(mesh)
     middle = (y[:, 1:] + y[:, :-1]) / 2.0 - h / 8.0 * np.diff(rate)
-    middle_rate = problem.rate(mesh, middle, p)
+    middle_rate = problem.rate((mesh[1:] + mesh[:-1]) / 2.0, middle, p, discrete.widths)
     missed = 1.5 * np.diff(y) / h - (rate[:, 1:] + rate[:, :-1] + 4.0 * middle_rate) / 4.0
     at_borders = problem.residual(y[:, 0], y[:, -1], p)
     return float(max(np.max(np.abs(missed) / (1.0 + np.abs(middle_rate))), np.max(np.abs(at_borders))))

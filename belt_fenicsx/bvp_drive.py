@@ -22,6 +22,7 @@ from belt_fenicsx.bvp_coarse import Run, State, driven_by, earliest, limit, orde
 from belt_fenicsx.bvp_collocation import newton
 from belt_fenicsx.bvp_guess import divided
 from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
+from belt_fenicsx.bvp_problem import places
 from belt_fenicsx.bvp_zones import Stick
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
@@ -72,7 +73,8 @@ def _ends(run: Run, stick: State, i: int, sense: int) -> list[float]:
     fine = discrete.finer(FINER)
     parts = problem.parts(discrete.between(fine), discrete.p)[i + 1 : -1]
     borders = problem.borders(discrete.p)[i + 1 : -1]
-    sigma = np.concatenate([start + (end - start) * fine for start, end in pairwise(borders)])
+    inside = places(discrete.widths, fine)[i + 1 : -1]
+    sigma = np.concatenate([a + (b - a) * part for (a, b), part in zip(pairwise(borders), inside, strict=True)])
     pressure, friction = np.concatenate([zone.tractions(problem.rod, y, c) for zone, y, c in parts], axis=1)
     held = np.concatenate([Stick().tractions(problem.rod, y[:3], [zone.stretch(y, c)])[1] for zone, y, c in parts])
     slip, strain = sense * run.scene.pulleys[0].friction * pressure, grip(problem, discrete)[0] - 1.0

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from belt_fenicsx.bvp_collocation import COARSE, Discrete, graded
-from belt_fenicsx.bvp_problem import Problem
+from belt_fenicsx.bvp_collocation import COARSE, Discrete
+from belt_fenicsx.bvp_problem import Problem, placed_at, places
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import LEAST_STRAIN, taut_string
@@ -19,29 +19,23 @@ def guess(problem: Problem, scene: Scene, intervals: int = COARSE) -> Discrete:
     borders = string.borders if len(problem.zones) == 4 else string.borders[[0, 2]]
     ends = np.array([-0.5, *borders, 0.5])
     strains = np.maximum(string.strain, LEAST_STRAIN)
-    layers = [
-        math.sqrt(rod.a / (rod.b1 * np.mean(strains))) if zone.kind == "free" else math.sqrt(rod.a / rod.b2)
-        for zone in problem.zones
+    forces = [
+        rod.b1 * strain * np.array([math.cos(angle), math.sin(angle)])
+        for strain, angle in zip(strains, string.angles[[0, -1]], strict=True)
     ]
-    width = float(np.clip(2.0 * np.min(layers / np.diff(ends)), 1e-4, 1.0))
-    mesh = graded(width, intervals)
-    y, constants = [], []
-    for i, zone in enumerate(problem.zones):
-        sigma = ends[i] + mesh * (ends[i + 1] - ends[i])
+    sticks = [[1.0 + strains[0]] for zone in problem.zones if zone.kind == "stick"]
+    p = np.concatenate([borders, forces[0], *sticks, forces[1]])
+    widths, mesh = problem.widths(p), np.linspace(0.0, 1.0, intervals + 1)
+    y = []
+    for i, (zone, part) in enumerate(zip(problem.zones, places(widths, mesh), strict=True)):
+        sigma = ends[i] + part * (ends[i + 1] - ends[i])
         phi, D = string.phi(sigma), string.D(sigma)
         if zone.kind == "free":
-            side = 0 if i == 0 else -1
-            phi = np.full_like(sigma, string.angles[side])
-            y += [*string.r(sigma).T, phi, np.zeros_like(sigma)]
-            force = rod.b1 * strains[side]
-            constants += [force * math.cos(phi[0]), force * math.sin(phi[0])]
+            angle = string.angles[0 if i == 0 else -1]
+            y.append([*string.r(sigma).T, np.full_like(sigma, angle), np.zeros_like(sigma)])
         else:
-            y += [phi, phi, -D / rod.radius]
-            if zone.kind == "stick":
-                constants.append(1.0 + strains[0])
-            else:
-                y.append(D)
-    return Discrete(width=width, mesh=mesh, y=np.array(y), p=np.array([*borders, *constants]))
+            y.append([phi, phi, -D / rod.radius, D][: zone.unknowns])
+    return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
 
 
 def divided(old: Problem, discrete: Discrete, new: Problem, borders: Array) -> Discrete:
@@ -59,14 +53,20 @@ def divided(old: Problem, discrete: Discrete, new: Problem, borders: Array) -> D
 
     def state(sigma: float) -> Array:
         i = int(np.clip(np.searchsorted(before, sigma) - 1, 1, len(parts) - 2))
-        xi = np.clip((sigma - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
-        zone, y, c = old.parts(discrete.between(xi)[:, None], discrete.p)[i]
+        place = np.clip((sigma - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
+        xi = placed_at(discrete.widths[i : i + 1], place[None, None])
+        zone, y, c = old.parts(discrete.between(xi[0]), discrete.p)[i]
         return zone.state(old.rod, y, c)[2:, 0]
 
-    y, constants = [parts[0][1]], [parts[0][2]]
-    for zone, start, end in zip(new.zones[1:-1], borders[:-1], borders[1:], strict=True):
-        states = np.array([state(sigma) for sigma in start + discrete.mesh * (end - start)]).T
+    constants = [parts[0][2]]
+    for zone, start in zip(new.zones[1:-1], borders[:-1], strict=True):
+        constants.append(sticks[0] if zone.kind == "stick" and sticks else state(start)[3:4][: zone.constants])
+    p = np.concatenate([borders, *constants, parts[-1][2]])
+    widths = new.widths(p)
+    widths[[0, -1]] = discrete.widths[[0, -1]]
+    y = [parts[0][1]]
+    for i, zone in enumerate(new.zones[1:-1]):
+        inside = places(widths[i + 1 : i + 2], discrete.mesh)[0]
+        states = np.array([state(sigma) for sigma in borders[i] + inside * (borders[i + 1] - borders[i])]).T
         y.append(states[: zone.unknowns])
-        constants.append(sticks[0] if zone.kind == "stick" and sticks else states[3, : zone.constants])
-    y, constants = np.concatenate([*y, parts[-1][1]]), np.concatenate([borders, *constants, parts[-1][2]])
-    return Discrete(width=discrete.width, mesh=discrete.mesh, y=y, p=constants)
+    return Discrete(widths=widths, mesh=discrete.mesh, y=new.stacked([*y, parts[-1][1]]), p=p)

@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from belt_fenicsx.bvp_collocation import Discrete
-from belt_fenicsx.bvp_problem import FIRST, LAST, Condition, Problem, component, moment, onset
+from belt_fenicsx.bvp_problem import FIRST, LAST, Condition, Problem, component, moment, onset, places
 from belt_fenicsx.bvp_zones import Free, Rod, Slip, Stick
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
@@ -121,20 +121,20 @@ def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley)
     shortest = int(np.argmin(np.diff(borders)))
     if borders[shortest + 1] - borders[shortest] <= NOTHING:
         return _without(order, borders, shortest, pulley, "has shrunk to nothing")
-    if (found := _broken(problem, order, discrete.mesh, discrete.y, discrete.p, pulley)) is None:
+    if (found := _broken(problem, order, discrete, discrete.mesh, pulley)) is None:
         return None
     # A new border has to start close to where it will be.
     fine = discrete.finer(FINER)
-    return _broken(problem, order, fine, discrete.between(fine), discrete.p, pulley) or found
+    return _broken(problem, order, discrete, fine, pulley) or found
 
 
-def _broken(problem: Problem, order: Order, xi: Array, y: Array, p: Array, pulley: Pulley) -> Revision | None:
-    """What the first bound that breaks on a mesh calls for."""
-    borders = problem.borders(p)[1:-1]
-    parts = problem.parts(y, p)[1:-1]
+def _broken(problem: Problem, order: Order, discrete: Discrete, xi: Array, pulley: Pulley) -> Revision | None:
+    """What the first bound that breaks at some coordinates calls for."""
+    borders, inside = problem.borders(discrete.p)[1:-1], places(discrete.widths, xi)[1:-1]
+    parts = problem.parts(discrete.between(xi), discrete.p)[1:-1]
     stretches = [zone.state(problem.rod, functions, c)[5] for zone, functions, c in parts]
     for i, (zone, functions, c) in enumerate(parts):
-        sigma, found = borders[i] + (borders[i + 1] - borders[i]) * xi, None
+        sigma, found = borders[i] + (borders[i + 1] - borders[i]) * inside[i], None
         if order.senses[i] == STICK:
             pressure, friction = zone.tractions(problem.rod, functions, c)
             found = _bound(order, borders, i, pulley, sigma, friction, pulley.friction * pressure)

@@ -139,7 +139,7 @@ def test_collocation_is_of_fourth_order(tight):
     problem = bvp.pose(dimensionless)
     start = newton(problem, guess(problem, dimensionless))
     intervals = np.array([16, 24, 36, 54])
-    speeds = [bvp.speed(problem, newton(problem, start.on(number), 1e-10)) for number in intervals]
+    speeds = [bvp.speed(problem, newton(problem, start.on(problem, number), 1e-10)) for number in intervals]
     errors = np.abs(np.array(speeds) / tight.omega - 1.0)
     assert np.polyfit(np.log(intervals), np.log(errors), 1)[0] == pytest.approx(-4.0, abs=0.15)
 
