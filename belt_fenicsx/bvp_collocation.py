@@ -17,13 +17,21 @@ from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp_problem import SAME, Problem, placed_at, places
 from belt_fenicsx.fields import Array
+from belt_fenicsx.solution import Status
+from belt_fenicsx.stages import Stopped
 
 ORDER = 4  # of collocation with three Lobatto points
-COARSE, FINEST = 12, 8192  # intervals of the first mesh, and at most
+COARSE, FINEST = 12, 2048  # intervals of the first mesh, and at most
 ROUNDS = 4  # of SciPy's Newton iteration on one mesh; each of them gives up after four Jacobians
-NEWTON, FINEST_NEWTON = 1e-6, 1e-10  # relative residual at which Newton's iteration ends
+NEWTON = 1e-6  # relative residual at which Newton's iteration ends
+ROUNDING = 1e-14  # of residuals, which SciPy wants to be twenty times smaller
+CLOSER = 1e-2  # ends of Newton's iteration below the wanted error
 TYPICAL = 1.5e-2  # expected: twice the relative error times the fourth power of the number of intervals
+DOUBT = 1e-3  # by how much borders may be off on the first mesh, about, in belt lengths
 SAFETY = 2.0  # of the error estimate
+STALLED = 2  # meshes whose errors are no smaller than before: rounding leaves no more
+WORK = 500.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
+OVERHEAD = 24  # intervals that cost as much as what each Jacobian costs besides
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +72,45 @@ class Discrete:
         y = [self.between(xi)[rows] for xi, (rows, _) in zip(before, problem.slices, strict=True)]
         return replace(self, widths=widths, mesh=mesh, y=np.concatenate(y))
 
+    @property
+    def doubt(self) -> float:
+        """By how much borders may be off on a mesh as coarse as this one, about, in belt lengths."""
+        return DOUBT * (COARSE / (self.mesh.size - 1)) ** ORDER
+
     def finer(self, pieces: int) -> Array:
         """Coordinates, the nodes among them, that divide each interval of the mesh ``(pieces m + 1,)``."""
         return np.linspace(0.0, 1.0, pieces * (self.mesh.size - 1) + 1)
+
+
+@dataclass
+class Work:
+    """What a solve may still spend on Newton's iterations, on all meshes and along all its ways.
+
+    Attributes:
+        left: Units of work.
+        iterations: Number of Jacobians so far.
+    """
+
+    left: float = WORK
+    iterations: int = 0
+
+    def newton(self, problem: Problem, start: Discrete, tolerance: float, stage: str) -> Discrete:
+        """Solves the collocation's equations on the mesh of ``start``.
+
+        Raises:
+            Stopped: All the work has been spent before.
+        """
+        if self.left <= 0.0:
+            raise Stopped(
+                Status.NEWTON_DIVERGED,
+                f"After {self.iterations} Newton iterations, which is as many as there may be, stage `{stage}` has no "
+                "answer yet. Start from a solution nearby (`initial`), or drive the pulley by `x_trans` first.",
+                final=True,
+            )
+        solution = newton(problem, start, tolerance)
+        self.iterations += solution.iterations
+        self.left -= solution.iterations * (1.0 + (start.mesh.size - 1) / OVERHEAD)
+        return solution
 
 
 def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
@@ -81,7 +125,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
     def rate(x: Array, y: Array, p: Array) -> Array:
         return problem.rate(x, y, p, start.widths)
 
-    mesh, y, p = start.mesh, start.y, start.p
+    mesh, y, p, residual = start.mesh, start.y, start.p, math.inf
     for _ in range(ROUNDS):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
@@ -97,33 +141,63 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Disc
             max_nodes=mesh.size,
         )
         y, p = result.y, result.p
-        residual = _residual(problem, replace(start, y=y, p=p), result.yp)
-        if residual <= tolerance or not math.isfinite(residual):
+        before, residual = residual, _residual(problem, replace(start, y=y, p=p), result.yp)
+        if residual <= tolerance or not math.isfinite(residual) or (residual <= NEWTON and residual > before / 2.0):
             break
     # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
     return replace(start, y=y, p=p, between=result.sol, residual=residual, iterations=jacobians // 2)
 
 
-def refined(
-    problem: Problem, coarse: Discrete, functional: Callable[[Problem, Discrete], float], rtol: float
-) -> tuple[Discrete, float, int]:
-    """Refines a solution until the functional is as accurate as wanted.
+@dataclass(frozen=True)
+class Refined:
+    """The end of a refinement.
 
-    Returns:
-        The last solution, the estimated relative error of the functional, and the number of Jacobians.
+    Attributes:
+        discrete: The last solution.
+        errors: Estimated errors of what was asked for.
+        iterations: Number of Jacobians.
+        reached: Whether the errors are as small as wanted.
     """
-    iterations = 0
-    intervals = max(1.5 * (coarse.mesh.size - 1), (TYPICAL / rtol) ** (1 / ORDER))
+
+    discrete: Discrete
+    errors: Array
+    iterations: int
+    reached: bool
+
+
+def refined(
+    problem: Problem,
+    coarse: Discrete,
+    change: Callable[[Problem, Discrete, Discrete], Array],
+    wanted: Array,
+    work: Work | None = None,
+) -> Refined:
+    """Refines a solution until all that is asked for is as accurate as wanted, or rounding leaves no more.
+
+    Args:
+        problem: The problem.
+        coarse: Its solution on a coarse mesh.
+        change: How far two solutions differ in each of the things that are asked for ``(q,)``.
+        wanted: The errors of them that are allowed ``(q,)``.
+        work: What may be spent.
+    """
+    work, iterations, before, stalled = work or Work(), 0, math.inf, 0
+    intervals = max(1.5 * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER))
     while True:
-        fine = newton(problem, coarse.on(problem, math.ceil(intervals)), min(max(rtol, FINEST_NEWTON), NEWTON))
+        # Rounding in residuals grows with the number of intervals, and with what short layers multiply.
+        rounding = max(ROUNDING * intervals, 0.2 * ROUNDING / problem.unit)
+        tolerance = min(max(CLOSER * wanted[0], rounding), NEWTON)
+        fine = work.newton(problem, coarse.on(problem, math.ceil(intervals)), tolerance, "refinement")
         iterations += fine.iterations
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
-        change = abs(functional(problem, fine) / functional(problem, coarse) - 1.0)
-        error = SAFETY * change / (ratio**ORDER - 1.0)
-        if error <= rtol or not fine.converged or intervals >= FINEST:
-            return fine, error, iterations
-        coarse = fine
-        intervals = min(intervals * min(max((1.2 * error / rtol) ** (1 / ORDER), 1.2), 4.0), FINEST)
+        errors = SAFETY * change(problem, coarse, fine) / (ratio**ORDER - 1.0)
+        worst = float(np.max(errors / wanted))
+        reached = fine.converged and worst <= 1.0
+        stalled += worst >= before
+        if reached or not fine.converged or intervals >= FINEST or stalled == STALLED:
+            return Refined(fine, errors, iterations, reached)
+        coarse, before = fine, worst
+        intervals = min(intervals * min(max((1.2 * worst) ** (1 / ORDER), 1.2), 4.0), FINEST)
 
 
 def _residual(problem: Problem, discrete: Discrete, rate: Array) -> float:

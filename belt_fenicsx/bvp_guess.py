@@ -10,6 +10,7 @@ from belt_fenicsx.bvp_collocation import COARSE, Discrete
 from belt_fenicsx.bvp_problem import Problem, placed_at, places
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Scene
+from belt_fenicsx.solution import Solution
 from belt_fenicsx.taut_string import LEAST_STRAIN, taut_string
 
 
@@ -35,6 +36,31 @@ def guess(problem: Problem, scene: Scene, intervals: int = COARSE) -> Discrete:
             y.append([*string.r(sigma).T, np.full_like(sigma, angle), np.zeros_like(sigma)])
         else:
             y.append([phi, phi, -D / rod.radius, D][: zone.unknowns])
+    return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
+
+
+def from_fields(problem: Problem, solution: Solution, intervals: int = COARSE) -> Discrete:
+    """The fields of a solution by any method, whose zones are those of the problem, on a coarse mesh."""
+    _, units = solution.scene.dimensionless()
+    fields, mesh = solution.fields.in_units(units.inverse()), np.linspace(0.0, 1.0, intervals + 1)
+    borders = [zone.sigma[1] / units.length for zone in solution.zones[:-1]]
+    force = (fields.Q[:, 0] + 1j * fields.Q[:, 1]) * np.exp(1j * fields.theta)
+    constants = []
+    for i, zone in enumerate(problem.zones):
+        here = fields.zone == i
+        if zone.kind == "free":
+            mean = np.average(force[here], weights=fields.weight[here])
+            constants += [mean.real, mean.imag]
+        elif zone.kind == "stick":
+            constants.append(np.average(fields.D[here], weights=fields.weight[here]))
+    p, y = np.array([*borders, *constants]), []
+    widths, ends = problem.widths(p), problem.borders(p)
+    for i, (zone, part) in enumerate(zip(problem.zones, places(widths, mesh), strict=True)):
+        here = fields.zone == i
+        sigma = ends[i] + part * (ends[i + 1] - ends[i])
+        names = (fields.x, fields.y) if zone.kind == "free" else (fields.phi,)
+        unknowns = (*names, fields.theta, fields.kappa, fields.D)[: zone.unknowns]
+        y.append([np.interp(sigma, fields.sigma[here], values[here]) for values in unknowns])
     return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
 
 

@@ -27,9 +27,10 @@ from belt_fenicsx.bvp_zones import Free, Rod, Slip, Stick
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
+from belt_fenicsx.solution import Zone
 
 STICK = 0
-NOTHING = 1e-8  # length of a zone that has shrunk to nothing, in belt lengths
+NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths
 LEAST = 1e-3  # length of a new zone that nothing else tells
 FINER = 16  # pieces of each interval of the mesh in which a new border is looked for
 BROKEN = 1e-8  # by how much a bound is broken, relative to the largest one
@@ -46,6 +47,11 @@ class Order:
 
     senses: tuple[int, ...]
     longest: bool = False
+
+    @staticmethod
+    def of(zones: tuple[Zone, ...]) -> Order:
+        """The order of the zones of a solution."""
+        return Order(tuple(int(SENSE.get(zone.slip or "", STICK)) for zone in zones[1:-1]))
 
     @property
     def transition(self) -> int | None:
@@ -115,11 +121,19 @@ def _conditions(order: Order, pulley: Pulley, rod: Rod) -> Iterator[Condition]:
             yield Condition(on_pulley, pulley.torque)
 
 
-def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley) -> Revision | None:
-    """What the first broken bound of a solution calls for; None where all hold."""
+def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley, doubt: float = 0.0) -> Revision | None:
+    """What the first broken bound of a solution calls for; None where all hold.
+
+    Args:
+        problem: The problem.
+        order: The order of its zones.
+        discrete: Its solution.
+        pulley: The dimensionless pulley.
+        doubt: Negative length of a zone that does not count, in belt lengths.
+    """
     borders = problem.borders(discrete.p)[1:-1]
     shortest = int(np.argmin(np.diff(borders)))
-    if borders[shortest + 1] - borders[shortest] <= NOTHING:
+    if borders[shortest + 1] - borders[shortest] <= (NOTHING if doubt == 0.0 else -doubt):
         return _without(order, borders, shortest, pulley, "has shrunk to nothing")
     if (found := _broken(problem, order, discrete, discrete.mesh, pulley)) is None:
         return None
@@ -134,6 +148,8 @@ def _broken(problem: Problem, order: Order, discrete: Discrete, xi: Array, pulle
     parts = problem.parts(discrete.between(xi), discrete.p)[1:-1]
     stretches = [zone.state(problem.rod, functions, c)[5] for zone, functions, c in parts]
     for i, (zone, functions, c) in enumerate(parts):
+        if borders[i + 1] <= borders[i]:
+            continue
         sigma, found = borders[i] + (borders[i + 1] - borders[i]) * inside[i], None
         if order.senses[i] == STICK:
             pressure, friction = zone.tractions(problem.rod, functions, c)

@@ -17,8 +17,9 @@ from belt_fenicsx.bvp_zones import Force, Rod, Slip, ZoneEquations
 from belt_fenicsx.fields import Array
 
 FIRST, LAST = 0, -1  # ends of a zone
-WIDTH = 2.0  # of the layers of a map, in layers of the belt
+WIDTH_FREE, WIDTH_CONTACT = 2.0, 4.0  # of the layers of a map, in bending layers and in shear layers of the belt
 NARROWEST = 1e-7  # layer of a map, in parts of its zone
+WEIGHT = 1e3  # of the conditions, which are met to more digits than the equations
 SAME = 1.5  # ratio of widths up to which a map is kept
 
 StateFunction = Callable[[Array], tuple[float, Array]]
@@ -113,11 +114,13 @@ class Problem:
     def widths(self, p: Array) -> Array:
         """Widths of the layers at the ends of the zones, in parts of the zones ``(len(zones),)``."""
         layers = [
-            self.rod.shear_layer if zone.kind != "free" else self.rod.bending_layer(float(np.hypot(*p[constants])))
+            WIDTH_FREE * self.rod.bending_layer(float(np.hypot(*p[constants])))
+            if zone.kind == "free"
+            else WIDTH_CONTACT * self.rod.shear_layer
             for zone, (_, constants) in zip(self.zones, self.slices, strict=True)
         ]
         lengths = np.maximum(np.abs(np.diff(self.borders(p))), 1e-300)
-        return np.clip(WIDTH * np.array(layers) / lengths, NARROWEST, 1.0)
+        return np.clip(layers / lengths, NARROWEST, 1.0)
 
     def rate(self, xi: Array, y: Array, p: Array, widths: Array) -> Array:
         """Right-hand side of all equations ``(n, m)``."""
@@ -150,7 +153,10 @@ class Problem:
         units = np.array([1.0, 1.0, 1.0, 1.0, self.unit, 1.0])
         joints = [(units * (states[-1][i] - states[0][i + 1]))[self._continuous(i)] for i in range(len(self.zones) - 1)]
         others = [
-            [sum(function(states[end][zone])[0] for zone, end, function in condition.terms) - condition.value]
+            [
+                WEIGHT
+                * (sum(function(states[end][zone])[0] for zone, end, function in condition.terms) - condition.value)
+            ]
             for condition in self.conditions
         ]
         return np.concatenate([*clamps, *joints, *others])
@@ -181,7 +187,7 @@ class Problem:
             row += len(continuous)
         for condition in self.conditions:
             for zone, end, function in condition.terms:
-                add(zone, end, function(states[end][zone][0])[1][None])
+                add(zone, end, WEIGHT * function(states[end][zone][0])[1][None])
             row += 1
         return J[0][FIRST], J[0][LAST], J[1]
 

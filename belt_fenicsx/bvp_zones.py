@@ -216,6 +216,10 @@ class Slip(OnPulley):
     def stretch(self, y: Array, c: Array) -> Array:
         return y[3]
 
+    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
+        p, _ = super().tractions(rod, y, c)
+        return p, -self.friction * p
+
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         return self._rate(rod, y, Force.at(rod, y[1] - y[0], y[3]))
 
