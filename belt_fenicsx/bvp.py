@@ -20,18 +20,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from belt_fenicsx.bvp_answer import FIELDS, answer, changes, field_errors, seen, speed
+from belt_fenicsx.bvp_answer import FIELDS, answer, changes, field_errors, plausible, seen, speed
 from belt_fenicsx.bvp_coarse import Run, State, left, ordered, placed
-from belt_fenicsx.bvp_collocation import COARSE, Refined, refined
+from belt_fenicsx.bvp_collocation import COARSE, DOUBT, Refined, refined
 from belt_fenicsx.bvp_drive import answers, driven, meets
 from belt_fenicsx.bvp_guess import from_fields
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
 from belt_fenicsx.certificate import certified
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Solution, Status, finish
-from belt_fenicsx.solver import check_rtol, clear_of_pulley
+from belt_fenicsx.solver import check_rtol, clear_of_pulley, touches
 from belt_fenicsx.stages import Stopped
-from belt_fenicsx.taut_string import taut_string
 
 METHOD = "bvp"
 MESHES = (COARSE, 8 * COARSE)  # on which the order of the zones is found
@@ -72,7 +71,7 @@ def solve(
     check_rtol(rtol)
     if initial is not None and not isinstance(initial, Solution):
         raise SceneError("initial", "be a Solution", initial)
-    if taut_string(scene) is None:
+    if not touches(scene):
         clear = replace(clear_of_pulley(scene, METHOD), message="The straight belt is clear of the pulley.")
         return finish(clear, throw=throw)
     # A step too far may leave the equations' domain; what it leaves there is judged by its residual.
@@ -200,7 +199,9 @@ def _refined(run: Run, state: State, rtol: float) -> tuple[State, Refined]:
         if not fine.converged:
             raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {left(fine)}.")
         state = replace(state, discrete=fine)
-        reviewed = ordered(run, state, doubt=0.0) if state.plausible and meets(run, state) else state
+        # What the first mesh left in doubt shows here.
+        calm = plausible(state.problem, fine, DOUBT) and meets(run, state)
+        reviewed = ordered(run, state, doubt=0.0) if calm else state
         if reviewed.order == state.order or not reviewed.plausible:
             return state, end
         state = reviewed

@@ -21,13 +21,14 @@ NO_FIELD = 1e-15  # largest value below which a field is nothing but rounding
 SAME_PLACE = 1e-12  # of coordinates that are the same but for rounding
 
 
-def plausible(problem: Problem, discrete: Discrete) -> bool:
+def plausible(problem: Problem, discrete: Discrete, doubt: float | None = None) -> bool:
     """Whether a solution converged, with its borders in order and the belt pressed onto the pulley.
 
-    The equations have solutions without any mechanical sense, too. Borders may be out of order by what the mesh leaves
-    in doubt.
+    The equations have solutions without any mechanical sense, too. Borders may be out of order by what is in doubt, by
+    default what the mesh leaves.
     """
-    if not discrete.converged or np.any(np.diff(problem.borders(discrete.p)) <= -discrete.doubt):
+    doubt = discrete.doubt if doubt is None else doubt
+    if not discrete.converged or np.any(np.diff(problem.borders(discrete.p)) <= -doubt):
         return False
     parts = problem.parts(discrete.y, discrete.p)
     return all(np.all(zone.tractions(problem.rod, y, c)[0] > 0.0) for zone, y, c in parts if zone.kind != "free")

@@ -153,11 +153,12 @@ def _check_capacity(run: Run, slip: State) -> None:
     fine = run.work.newton(slip.problem, slip.discrete.on(slip.problem, intervals), FINELY, "capacity")
     state = replace(slip, discrete=fine)
     if state.plausible and slip.order.senses[0] * _ahead(run, state) > MET:
-        capacity = torque(slip.problem, fine) * run.units.of(length=1, force=1)
-        given = run.scene.pulleys[0].torque * run.units.of(length=1, force=1)
+        capacity = torque(slip.problem, fine)
+        excess = 100.0 * (run.scene.pulleys[0].torque / capacity - 1.0)
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
-            f"Sliding all along, the belt transmits {capacity:.6g} N m, which is less than {given:.6g} N m.",
+            f"Sliding all along, the belt transmits {capacity * run.units.of(length=1, force=1):.6g} N m, which the "
+            f"given torque exceeds by {excess:.3g} %.",
             final=True,
         )
 

@@ -34,6 +34,8 @@ NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths
 LEAST = 1e-3  # length of a new zone that nothing else tells
 FINER = 16  # pieces of each interval of the mesh in which a new border is looked for
 BROKEN = 1e-8  # by how much a bound is broken, relative to the largest one
+SLACK = 1e-5  # of the sense of sliding on a coarse mesh, relative to the largest speed of the zone
+ROUNDING = 1e-14  # of the stretch
 
 
 @dataclass(frozen=True)
@@ -135,14 +137,17 @@ def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley,
     shortest = int(np.argmin(np.diff(borders)))
     if borders[shortest + 1] - borders[shortest] <= (NOTHING if doubt == 0.0 else -doubt):
         return _without(order, borders, shortest, pulley, "has shrunk to nothing")
-    if (found := _broken(problem, order, discrete, discrete.mesh, pulley)) is None:
+    slack = BROKEN if doubt == 0.0 else SLACK
+    if (found := _broken(problem, order, discrete, discrete.mesh, pulley, slack)) is None:
         return None
     # A new border has to start close to where it will be.
     fine = discrete.finer(FINER)
-    return _broken(problem, order, discrete, fine, pulley) or found
+    return _broken(problem, order, discrete, fine, pulley, slack) or found
 
 
-def _broken(problem: Problem, order: Order, discrete: Discrete, xi: Array, pulley: Pulley) -> Revision | None:
+def _broken(
+    problem: Problem, order: Order, discrete: Discrete, xi: Array, pulley: Pulley, slack: float
+) -> Revision | None:
     """What the first bound that breaks at some coordinates calls for."""
     borders, inside = problem.borders(discrete.p)[1:-1], places(discrete.widths, xi)[1:-1]
     parts = problem.parts(discrete.between(xi), discrete.p)[1:-1]
@@ -155,9 +160,9 @@ def _broken(problem: Problem, order: Order, discrete: Discrete, xi: Array, pulle
             pressure, friction = zone.tractions(problem.rod, functions, c)
             found = _bound(order, borders, i, pulley, sigma, friction, pulley.friction * pressure)
         elif order.transition is not None:
-            found = _turn(order, borders, i, sigma, stretches[i] / stretches[order.transition][LAST] - 1.0)
+            found = _turn(order, borders, i, sigma, stretches[i] / stretches[order.transition][LAST] - 1.0, slack)
         elif pulley.drive == "omega" and pulley.friction > 0.0:
-            found = _turn(order, borders, i, sigma, stretches[i] / (problem.rod.radius * pulley.omega) - 1.0)
+            found = _turn(order, borders, i, sigma, stretches[i] / (problem.rod.radius * pulley.omega) - 1.0, slack)
         if found is not None:
             return found
     return None
@@ -219,9 +224,9 @@ def _bound(
     return None
 
 
-def _turn(order: Order, borders: Array, i: int, sigma: Array, ahead: Array) -> Revision | None:
+def _turn(order: Order, borders: Array, i: int, sigma: Array, ahead: Array, slack: float) -> Revision | None:
     """Two slip zones in place of one in which the belt slides both ways."""
-    wrong = order.senses[i] * ahead < -BROKEN
+    wrong = order.senses[i] * ahead < -max(slack * np.max(np.abs(ahead)), ROUNDING)
     if not np.any(wrong):
         return None
     why = f"the belt slides the other way in a part of zone {i + 1} of {order}"
