@@ -182,7 +182,7 @@ def refined(
         work: What may be spent.
     """
     work, iterations, before, stalled = work or Work(), 0, math.inf, 0
-    intervals = max(1.5 * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER))
+    intervals = min(max(1.5 * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
     while True:
         # Rounding in residuals grows with the number of intervals, and with what short layers multiply.
         rounding = max(ROUNDING * intervals, 0.2 * ROUNDING / problem.unit)

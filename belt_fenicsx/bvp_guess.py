@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from belt_fenicsx.bvp_collocation import COARSE, Discrete
-from belt_fenicsx.bvp_problem import Problem, placed_at, places
+from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, placed_at, places
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Solution
@@ -74,25 +74,30 @@ def divided(old: Problem, discrete: Discrete, new: Problem, borders: Array) -> D
         borders: Borders of its zones on the pulley, both ends of the contact among them ``(len(new.zones) - 1,)``.
     """
     before = np.maximum.accumulate(old.borders(discrete.p))
-    parts = old.parts(discrete.y, discrete.p)
-    sticks = [c for zone, _, c in parts if zone.kind == "stick"]
+    sticks = [c for zone, _, c in old.parts(discrete.y, discrete.p) if zone.kind == "stick"]
+    spans = [old.parts(discrete.y, discrete.p)[end] for end in (FIRST, LAST)]
 
-    def state(sigma: float) -> Array:
-        i = int(np.clip(np.searchsorted(before, sigma) - 1, 1, len(parts) - 2))
-        place = np.clip((sigma - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
-        xi = placed_at(discrete.widths[i : i + 1], place[None, None])
-        zone, y, c = old.parts(discrete.between(xi[0]), discrete.p)[i]
-        return zone.state(old.rod, y, c)[2:, 0]
+    def states(sigma: Array) -> Array:
+        """The state phi, theta, kappa, D at places in contact ``(4, m)``."""
+        index = np.clip(np.searchsorted(before, sigma) - 1, 1, len(old.zones) - 2)
+        result = np.empty((4, sigma.size))
+        for i in np.unique(index):
+            here = index == i
+            place = np.clip((sigma[here] - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
+            xi = placed_at(discrete.widths[i : i + 1], place[None])[0]
+            zone, y, c = old.parts(discrete.between(xi), discrete.p)[i]
+            result[:, here] = zone.state(old.rod, y, c)[2:]
+        return result
 
-    constants = [parts[0][2]]
-    for zone, start in zip(new.zones[1:-1], borders[:-1], strict=True):
-        constants.append(sticks[0] if zone.kind == "stick" and sticks else state(start)[3:4][: zone.constants])
-    p = np.concatenate([borders, *constants, parts[-1][2]])
+    constants = [spans[0][2]]
+    for zone, D in zip(new.zones[1:-1], states(borders[:-1])[3], strict=True):
+        constants.append(sticks[0] if zone.kind == "stick" and sticks else np.full(zone.constants, D))
+    p = np.concatenate([borders, *constants, spans[1][2]])
     widths = new.widths(p)
-    widths[[0, -1]] = discrete.widths[[0, -1]]
-    y = [parts[0][1]]
-    for i, zone in enumerate(new.zones[1:-1]):
-        inside = places(widths[i + 1 : i + 2], discrete.mesh)[0]
-        states = np.array([state(sigma) for sigma in borders[i] + inside * (borders[i + 1] - borders[i])]).T
-        y.append(states[: zone.unknowns])
-    return Discrete(widths=widths, mesh=discrete.mesh, y=new.stacked([*y, parts[-1][1]]), p=p)
+    widths[[FIRST, LAST]] = discrete.widths[[FIRST, LAST]]
+    y = [spans[0][1]]
+    inside = places(widths[1:-1], discrete.mesh)
+    for zone, part, start, end in zip(new.zones[1:-1], inside, borders[:-1], borders[1:], strict=True):
+        y.append(states(start + part * (end - start))[: zone.unknowns])
+    y.append(spans[1][1])
+    return Discrete(widths=widths, mesh=discrete.mesh, y=new.stacked(y), p=p)
