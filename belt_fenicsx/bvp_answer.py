@@ -27,8 +27,9 @@ def plausible(problem: Problem, discrete: Discrete, doubt: float | None = None) 
     The equations have solutions without any mechanical sense, too. Borders may be out of order by what is in doubt, by
     default what the mesh leaves.
     """
-    doubt = discrete.doubt if doubt is None else doubt
-    if not discrete.converged or np.any(np.diff(problem.borders(discrete.p)) <= -doubt):
+    doubt, borders = discrete.doubt if doubt is None else doubt, problem.borders(discrete.p)
+    contact = borders[-2] - borders[1]
+    if not discrete.converged or contact <= 0.0 or np.any(np.diff(borders) <= -doubt * contact):
         return False
     parts = problem.parts(discrete.y, discrete.p)
     return all(np.all(zone.tractions(problem.rod, y, c)[0] > 0.0) for zone, y, c in parts if zone.kind != "free")

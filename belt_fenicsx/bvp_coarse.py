@@ -58,9 +58,10 @@ class Run:
     stages: Stages = field(default_factory=Stages)
     work: Work = field(default_factory=Work)
 
-    def converged(self, start: State, stage: str) -> State:
+    def converged(self, start: State, stage: str, *, positive: bool = False) -> State:
         """A state on the coarse mesh from a first guess."""
-        return replace(start, discrete=self.work.newton(start.problem, start.discrete, NEWTON, stage))
+        coarse = self.work.newton(start.problem, start.discrete, NEWTON, stage, positive=positive)
+        return replace(start, discrete=coarse)
 
     def other(self, scene: Scene) -> Run:
         """A run on the way of this one, for another scene."""
@@ -87,7 +88,8 @@ def placed(run: Run, near: State | None = None) -> State:
             "the belt is slack at one end of the contact. Let it slide along less of the pulley.",
             final=True,
         )
-    state = run.converged(State(order, problem, guess(problem, run.scene, run.intervals)), "taut string")
+    starts = {"taut string": State(order, problem, guess(problem, run.scene, run.intervals))}
+    state = run.converged(starts["taut string"], "taut string")
     run.stages.ran("taut string", "no plausible solution yet", state.discrete.iterations)
     if state.plausible and (state := ordered(run, state)).plausible:
         run.stages.skipped("continuation", "the first guess sufficed")
@@ -95,13 +97,21 @@ def placed(run: Run, near: State | None = None) -> State:
     if not isinstance(pulley.x_trans, str):
         near = check_transition(run)
     if near is not None and (start := _divided_stick(run, near)):
+        starts["pure stick"] = start
         found = run.converged(start, "pure stick")
         run.stages.ran("pure stick", "the taut string did not lead to a plausible solution", found.discrete.iterations)
         if found.plausible and (found := ordered(run, found)).plausible:
             return found
-    if not (state.plausible or plausible(problem, state.discrete)):
-        state = _continued(run, order)
-        state = ordered(run, state) if state.plausible else state
+    if plausible(problem, state.discrete) or state.plausible:
+        return state
+    for name, start in reversed(starts.items()):
+        found = run.converged(start, name, positive=True)
+        why = "zones of negative length are no solution: their logarithms become the unknowns"
+        run.stages.ran(name, why, found.discrete.iterations)
+        if found.plausible and (found := ordered(run, found)).plausible:
+            return found
+    state = _continued(run, order)
+    state = ordered(run, state) if state.plausible else state
     if (x := shrunk(state.problem, state.discrete)) is not None:
         where = f"The contact shrinks to a point near x = {x * run.units.length:.6g} m."
         raise Stopped(Status.NOT_ADMISSIBLE, where, final=True)
@@ -136,7 +146,8 @@ def ordered(run: Run, state: State, *, doubt: float | None = None) -> State:
     Args:
         run: The run.
         state: A state that converged.
-        doubt: Negative length of a zone that does not count; by default, what the mesh leaves in doubt.
+        doubt: Negative length of a zone that does not count, in lengths of the contact; by default, what the mesh
+            leaves in doubt.
     """
     pulley, tried, reasons, iterations = run.scene.pulleys[0], [state.order], [], 0
     if not run.find_zones:
@@ -234,7 +245,7 @@ def check_transition(run: Run, *, outside: bool = False) -> State | None:
         for state in (stick, slip)
     )
     places = sorted([earliest(slip), grip(stick.problem, stick.discrete)[1]])
-    doubt = 0.0 if outside else stick.discrete.doubt
+    doubt = 0.0 if outside else stick.discrete.doubt * (places[1] - places[0])
     if outside or not places[0] - doubt < pulley.x_trans < places[1] + doubt:
         first, last = (place * run.units.length for place in places)
         between = f"lie where stick can end in the contact zone, in ({first:.9g}, {last:.9g}) [m]"

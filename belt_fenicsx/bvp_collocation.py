@@ -27,7 +27,7 @@ NEWTON = 1e-6  # relative residual at which Newton's iteration ends
 ROUNDING = 1e-14  # of residuals, which SciPy wants to be twenty times smaller
 CLOSER = 1e-2  # ends of Newton's iteration below the wanted error
 TYPICAL = 1.5e-2  # expected: twice the relative error times the fourth power of the number of intervals
-DOUBT = 1e-3  # by how much borders may be off on the first mesh, about, in belt lengths
+DOUBT = 3e-3  # by how much borders may be off on the first mesh, about, in lengths of the contact
 SAFETY = 2.0  # of the error estimate
 STALLED = 2  # meshes whose errors are no smaller than before: rounding leaves no more
 WORK = 500.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
@@ -74,7 +74,7 @@ class Discrete:
 
     @property
     def doubt(self) -> float:
-        """By how much borders may be off on a mesh as coarse as this one, about, in belt lengths."""
+        """By how much borders may be off on a mesh as coarse as this one, about, in lengths of the contact."""
         return DOUBT * (COARSE / (self.mesh.size - 1)) ** ORDER
 
     def finer(self, pieces: int) -> Array:
@@ -94,8 +94,17 @@ class Work:
     left: float = WORK
     iterations: int = 0
 
-    def newton(self, problem: Problem, start: Discrete, tolerance: float, stage: str) -> Discrete:
+    def newton(
+        self, problem: Problem, start: Discrete, tolerance: float, stage: str, *, positive: bool = False
+    ) -> Discrete:
         """Solves the collocation's equations on the mesh of ``start``.
+
+        Args:
+            problem: The problem.
+            start: The first guess.
+            tolerance: The relative residual at which to end.
+            stage: Name of the stage, for the message.
+            positive: Whether to solve for the logarithms of the lengths of zones on the pulley.
 
         Raises:
             Stopped: All the work has been spent before.
@@ -107,45 +116,88 @@ class Work:
                 "answer yet. Start from a solution nearby (`initial`), or drive the pulley by `x_trans` first.",
                 final=True,
             )
-        solution = newton(problem, start, tolerance)
+        solution = newton(problem, start, tolerance, positive=positive)
         self.iterations += solution.iterations
         self.left -= solution.iterations * (1.0 + (start.mesh.size - 1) / OVERHEAD)
         return solution
 
 
-def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON) -> Discrete:
-    """Solves the collocation's equations on the mesh of ``start``."""
-    jacobians = 0
+def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, *, positive: bool = False) -> Discrete:
+    """Solves the collocation's equations on the mesh of ``start``.
 
-    def rate_jacobian(x: Array, y: Array, p: Array) -> tuple[Array, Array]:
+    The equations have solutions with zones of negative length. With their logarithms as unknowns, Newton's iteration
+    does not get there; but neither does it pass them on its way, which is a detour where all is well.
+    """
+    jacobians = 0
+    lengths = Lengths(len(problem.zones) - 1) if positive else None
+
+    def borders(q: Array) -> Array:
+        return q if lengths is None else lengths.borders(q)
+
+    def chained(J: Array, q: Array) -> Array:
+        return J if lengths is None else np.moveaxis(np.moveaxis(J, 1, -1) @ lengths.gradient(q), -1, 1)
+
+    def rate(x: Array, y: Array, q: Array) -> Array:
+        return problem.rate(x, y, borders(q), start.widths)
+
+    def rate_jacobian(x: Array, y: Array, q: Array) -> tuple[Array, Array]:
         nonlocal jacobians
         jacobians += 1
-        return problem.rate_jacobian(x, y, p, start.widths)
+        dy, dp = problem.rate_jacobian(x, y, borders(q), start.widths)
+        return dy, chained(dp, q)
 
-    def rate(x: Array, y: Array, p: Array) -> Array:
-        return problem.rate(x, y, p, start.widths)
+    def residual_jacobian(first: Array, last: Array, q: Array) -> tuple[Array, Array, Array]:
+        *dy, dp = problem.residual_jacobian(first, last, borders(q))
+        return (*dy, chained(dp, q))
 
-    mesh, y, p, residual = start.mesh, start.y, start.p, math.inf
+    mesh, y, residual = start.mesh, start.y, math.inf
+    q = start.p if lengths is None else lengths.logarithms(start.p)
     for _ in range(ROUNDS):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
             rate,
-            problem.residual,
+            lambda first, last, q: problem.residual(first, last, borders(q)),
             mesh,
             y,
-            p,
+            q,
             fun_jac=rate_jacobian,
-            bc_jac=problem.residual_jacobian,
+            bc_jac=residual_jacobian,
             tol=tolerance,
             bc_tol=tolerance,
             max_nodes=mesh.size,
         )
-        y, p = result.y, result.p
+        y, q = result.y, result.p
+        p = borders(q)
         before, residual = residual, _residual(problem, replace(start, y=y, p=p), result.yp)
         if residual <= tolerance or not math.isfinite(residual) or (residual <= NEWTON and residual > before / 2.0):
             break
     # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
     return replace(start, y=y, p=p, between=result.sol, residual=residual, iterations=jacobians // 2)
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """Logarithms of the lengths of zones on the pulley, in the place of all borders but the first.
+
+    Attributes:
+        count: Number of borders.
+    """
+
+    count: int
+
+    def logarithms(self, p: Array) -> Array:
+        """Unknowns from parameters ``(k,)``."""
+        return np.array([p[0], *np.log(np.diff(p[: self.count])), *p[self.count :]])
+
+    def borders(self, q: Array) -> Array:
+        """Parameters from unknowns ``(k,)``."""
+        return np.array([*np.cumsum([q[0], *np.exp(q[1 : self.count])]), *q[self.count :]])
+
+    def gradient(self, q: Array) -> Array:
+        """Derivatives of the parameters with respect to the unknowns ``(k, k)``."""
+        gradient, n = np.eye(q.size), self.count
+        gradient[:n, :n] = np.tril(np.ones((n, n))) * np.array([1.0, *np.exp(q[1:n])])
+        return gradient
 
 
 @dataclass(frozen=True)

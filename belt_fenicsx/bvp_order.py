@@ -131,11 +131,11 @@ def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley,
         order: The order of its zones.
         discrete: Its solution.
         pulley: The dimensionless pulley.
-        doubt: Negative length of a zone that does not count, in belt lengths.
+        doubt: Negative length of a zone that does not count, in lengths of the contact.
     """
     borders = problem.borders(discrete.p)[1:-1]
     shortest = int(np.argmin(np.diff(borders)))
-    if borders[shortest + 1] - borders[shortest] <= (NOTHING if doubt == 0.0 else -doubt):
+    if borders[shortest + 1] - borders[shortest] <= (NOTHING if doubt == 0.0 else -doubt * (borders[-1] - borders[0])):
         return _without(order, borders, shortest, pulley, "has shrunk to nothing")
     slack = BROKEN if doubt == 0.0 else SLACK
     if (found := _broken(problem, order, discrete, discrete.mesh, pulley, slack)) is None:
