@@ -35,19 +35,6 @@ def plausible(problem: Problem, discrete: Discrete, doubt: float | None = None) 
     return all(np.all(zone.tractions(problem.rod, y, c)[0] > 0.0) for zone, y, c in parts if zone.kind != "free")
 
 
-def shrunk(problem: Problem, discrete: Discrete) -> float | None:
-    """Where a contact has shrunk to a point; None where it has not.
-
-    With less and less tension, the run-up comes up to the run-off of a stiff belt, and passes it: the belt touches the
-    pulley at a point then, if at all.
-    """
-    ends = problem.borders(discrete.p)[[1, -2]]
-    if not discrete.converged or ends[0] < ends[1]:
-        return None
-    first, last = (problem.parts(discrete.y[:, end], discrete.p)[zone] for zone, end in ((1, FIRST), (-2, LAST)))
-    return float(sum(zone.state(problem.rod, y, c)[0] for zone, y, c in (first, last))) / 2.0
-
-
 def grip(problem: Problem, discrete: Discrete) -> tuple[float, float]:
     """Stretch D and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
     kinds = [zone.kind for zone in problem.zones]

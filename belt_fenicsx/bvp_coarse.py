@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.bvp_answer import grip, plausible, samples, shrunk
+from belt_fenicsx.bvp_answer import grip, plausible, samples
 from belt_fenicsx.bvp_collocation import COARSE, NEWTON, Discrete, Work
 from belt_fenicsx.bvp_guess import divided, guess
 from belt_fenicsx.bvp_order import FINER, STICK, Order, asked, pose, revision
@@ -17,7 +17,11 @@ from belt_fenicsx.solution import Status
 from belt_fenicsx.stages import Stages, Stopped
 from belt_fenicsx.taut_string import taut_string
 
-CONTINUATIONS = ((0.1, 0.3, 1.0), (10.0, 3.0, 1.0))  # bending stiffnesses on the way, over the belt's
+CONTINUATIONS = (  # stiffnesses on the way, over the belt's
+    ("b2", (0.01, 0.03, 0.1, 0.3, 1.0)),
+    ("a", (0.1, 0.3, 1.0)),
+    ("a", (10.0, 3.0, 1.0)),
+)
 MOST_ORDERS = 8  # that are tried one after another
 MOST_GROWTH = 25.0  # of the logarithm of the tension along a contact; the smaller one is rounding to the larger one
 SHORTEST = 1e-6  # part of the contact that sticks or slides in a first guess, at least
@@ -88,33 +92,25 @@ def placed(run: Run, near: State | None = None) -> State:
             "the belt is slack at one end of the contact. Let it slide along less of the pulley.",
             final=True,
         )
-    starts = {"taut string": State(order, problem, guess(problem, run.scene, run.intervals))}
-    state = run.converged(starts["taut string"], "taut string")
-    run.stages.ran("taut string", "no plausible solution yet", state.discrete.iterations)
-    if state.plausible and (state := ordered(run, state)).plausible:
+    first = run.converged(State(order, problem, guess(problem, run.scene, run.intervals)), "taut string")
+    run.stages.ran("taut string", "no plausible solution yet", first.discrete.iterations)
+    if first.plausible and (state := ordered(run, first)).plausible:
         run.stages.skipped("continuation", "the first guess sufficed")
         return state
     if not isinstance(pulley.x_trans, str):
         near = check_transition(run)
     if near is not None and (start := _divided_stick(run, near)):
-        starts["pure stick"] = start
-        found = run.converged(start, "pure stick")
-        run.stages.ran("pure stick", "the taut string did not lead to a plausible solution", found.discrete.iterations)
-        if found.plausible and (found := ordered(run, found)).plausible:
-            return found
-    if plausible(problem, state.discrete) or state.plausible:
-        return state
-    for name, start in reversed(starts.items()):
-        found = run.converged(start, name, positive=True)
-        why = "zones of negative length are no solution: their logarithms become the unknowns"
-        run.stages.ran(name, why, found.discrete.iterations)
-        if found.plausible and (found := ordered(run, found)).plausible:
-            return found
+        for positive in (False, True):
+            state = run.converged(start, "pure stick", positive=positive)
+            why = "lengths by their logarithms" if positive else "the taut string did not lead to a plausible solution"
+            run.stages.ran("pure stick", why, state.discrete.iterations)
+            if state.plausible and (state := ordered(run, state)).plausible:
+                return state
+    if first.plausible:
+        return ordered(run, first)
     state = _continued(run, order)
-    state = ordered(run, state) if state.plausible else state
-    if (x := shrunk(state.problem, state.discrete)) is not None:
-        where = f"The contact shrinks to a point near x = {x * run.units.length:.6g} m."
-        raise Stopped(Status.NOT_ADMISSIBLE, where, final=True)
+    if state.plausible:
+        return ordered(run, state)
     if not state.discrete.converged:
         raise Stopped(Status.NEWTON_DIVERGED, f"The continuation leaves {left(state.discrete)}.")
     return state
@@ -181,13 +177,17 @@ def ordered(run: Run, state: State, *, doubt: float | None = None) -> State:
 
 
 def _continued(run: Run, order: Order) -> State:
-    """A solution on the coarse mesh, from the taut string along belts of other bending stiffness."""
+    """A solution on the coarse mesh, from the taut string along belts of other stiffness.
+
+    Where a belt that is rigid in shear would touch the pulley at a point, another has a contact as short as its kink
+    there is slight. From a belt that gives way in shear, Newton's iteration finds it.
+    """
     problem, iterations = pose(run.scene, order), 0
-    for factors in CONTINUATIONS:
-        coarse = guess(problem, run.scene, run.intervals)
+    for stiffness, factors in CONTINUATIONS:
+        coarse, value = guess(problem, run.scene, run.intervals), getattr(problem.rod, stiffness)
         for factor in factors:
-            rod = replace(problem.rod, a=factor * problem.rod.a)
-            coarse = run.work.newton(replace(problem, rod=rod), coarse, NEWTON, "continuation")
+            rod = replace(problem.rod, **{stiffness: factor * value})
+            coarse = run.work.newton(replace(problem, rod=rod), coarse, NEWTON, "continuation", positive=True)
             iterations += coarse.iterations
             if not coarse.converged:
                 break
