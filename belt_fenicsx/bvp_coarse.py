@@ -18,6 +18,7 @@ from belt_fenicsx.stages import Stages, Stopped
 from belt_fenicsx.taut_string import taut_string
 
 CONTINUATIONS = (  # stiffnesses on the way, over the belt's
+    ("b2", (1.0,)),
     ("b2", (0.01, 0.03, 0.1, 0.3, 1.0)),
     ("a", (0.1, 0.3, 1.0)),
     ("a", (10.0, 3.0, 1.0)),
