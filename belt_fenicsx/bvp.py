@@ -35,6 +35,7 @@ from belt_fenicsx.stages import Stopped
 METHOD = "bvp"
 MESHES = (COARSE, 8 * COARSE)  # on which the order of the zones is found
 TOLERANCE = 1e-7  # of the certificate, at least
+CAREFUL = 1e-8  # relative accuracy with which a scene is refused
 FIELD, FINEST_FIELD = 1e4, 1e-8  # error of a field that is allowed, over that of omega, and at least
 
 __all__ = ["pose", "solve", "speed"]
@@ -74,6 +75,15 @@ def solve(
     if not touches(scene):
         clear = replace(clear_of_pulley(scene, METHOD), message="The straight belt is clear of the pulley.")
         return finish(clear, throw=throw)
+    solution = _certified(scene, rtol, find_zones, initial)
+    if solution.status is Status.NOT_ADMISSIBLE and rtol > CAREFUL:
+        # A mesh that is fine enough for the wanted accuracy may be too coarse for the certificate.
+        solution = _certified(scene, CAREFUL, find_zones, initial)
+    return finish(solution, throw=throw)
+
+
+def _certified(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None) -> Solution:
+    """The solution with its certificate, or what there is of it."""
     # A step too far may leave the equations' domain; what it leaves there is judged by its residual.
     with np.errstate(all="ignore"):
         solution = _solve(scene, rtol, find_zones, initial)
@@ -81,7 +91,7 @@ def solve(
         solution = certified(solution, tolerance=max(TOLERANCE, rtol))
         if solution.status is Status.NOT_ADMISSIBLE:
             solution = replace(solution, message=seen(solution))
-    return finish(solution, throw=throw)
+    return solution
 
 
 def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None) -> Solution:

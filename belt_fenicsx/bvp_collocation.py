@@ -22,15 +22,16 @@ from belt_fenicsx.stages import Stopped
 
 ORDER = 4  # of collocation with three Lobatto points
 COARSE, FINEST = 12, 2048  # intervals of the first mesh, and at most
-ROUNDS = 4  # of SciPy's Newton iteration on one mesh; each of them gives up after four Jacobians
+ROUNDS, JACOBIANS = 4, 4  # of SciPy's Newton iteration on one mesh, and Jacobians after which each of them gives up
 NEWTON = 1e-6  # relative residual at which Newton's iteration ends
 ROUNDING = 1e-14  # of residuals, which SciPy wants to be twenty times smaller
 CLOSER = 1e-2  # ends of Newton's iteration below the wanted error
 TYPICAL = 1.5e-2  # expected: twice the relative error times the fourth power of the number of intervals
 DOUBT = 3e-3  # by how much borders may be off on the first mesh, about, in lengths of the contact
+FINER = 1.5  # intervals of the second mesh over those of the first, at least
 SAFETY = 2.0  # of the error estimate
 STALLED = 2  # meshes whose errors are no smaller than before: rounding leaves no more
-WORK = 500.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
+WORK = 400.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
 OVERHEAD = 24  # intervals that cost as much as what each Jacobian costs besides
 
 
@@ -116,13 +117,17 @@ class Work:
                 "answer yet. Start from a solution nearby (`initial`), or drive the pulley by `x_trans` first.",
                 final=True,
             )
-        solution = newton(problem, start, tolerance, positive=positive)
+        unit = 1.0 + (start.mesh.size - 1) / OVERHEAD
+        rounds = int(np.clip(self.left / (JACOBIANS * unit), 1, ROUNDS))
+        solution = newton(problem, start, tolerance, positive=positive, rounds=rounds)
         self.iterations += solution.iterations
-        self.left -= solution.iterations * (1.0 + (start.mesh.size - 1) / OVERHEAD)
+        self.left -= solution.iterations * unit
         return solution
 
 
-def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, *, positive: bool = False) -> Discrete:
+def newton(
+    problem: Problem, start: Discrete, tolerance: float = NEWTON, *, positive: bool = False, rounds: int = ROUNDS
+) -> Discrete:
     """Solves the collocation's equations on the mesh of ``start``.
 
     The equations have solutions with zones of negative length. With their logarithms as unknowns, Newton's iteration
@@ -152,7 +157,7 @@ def newton(problem: Problem, start: Discrete, tolerance: float = NEWTON, *, posi
 
     mesh, y, residual = start.mesh, start.y, math.inf
     q = start.p if lengths is None else lengths.logarithms(start.p)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
             rate,
@@ -234,7 +239,7 @@ def refined(
         work: What may be spent.
     """
     work, iterations, before, stalled = work or Work(), 0, math.inf, 0
-    intervals = min(max(1.5 * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
+    intervals = min(max(FINER * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
     while True:
         # Rounding in residuals grows with the number of intervals, and with what short layers multiply.
         rounding = max(ROUNDING * intervals, 0.2 * ROUNDING / problem.unit)

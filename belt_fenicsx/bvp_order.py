@@ -160,9 +160,9 @@ def _broken(
             pressure, friction = zone.tractions(problem.rod, functions, c)
             found = _bound(order, borders, i, pulley, sigma, friction, pulley.friction * pressure)
         elif order.transition is not None:
-            found = _turn(order, borders, i, sigma, stretches[i] / stretches[order.transition][LAST] - 1.0, slack)
+            found = _turn(order, borders, i, sigma, stretches[i] - stretches[order.transition][LAST], slack)
         elif pulley.drive == "omega" and pulley.friction > 0.0:
-            found = _turn(order, borders, i, sigma, stretches[i] / (problem.rod.radius * pulley.omega) - 1.0, slack)
+            found = _turn(order, borders, i, sigma, stretches[i] - problem.rod.radius * pulley.omega, slack)
         if found is not None:
             return found
     return None
