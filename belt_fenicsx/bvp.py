@@ -22,7 +22,7 @@ import numpy as np
 
 from belt_fenicsx.bvp_answer import FIELDS, answer, changes, field_errors, plausible, seen, speed
 from belt_fenicsx.bvp_coarse import Run, State, left, ordered, placed
-from belt_fenicsx.bvp_collocation import COARSE, DOUBT, Refined, refined
+from belt_fenicsx.bvp_collocation import CLOSER, COARSE, DOUBT, Refined, refined
 from belt_fenicsx.bvp_drive import answers, driven, meets
 from belt_fenicsx.bvp_guess import from_fields
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
@@ -141,19 +141,23 @@ def _found(run: Run, initial: Solution | None, rtol: float) -> tuple[State, Refi
     With little friction, all admissible speeds may lie closer together than those of coarse and fine meshes do; next
     to pure stick and pure slip, so may speeds and torques of other zones.
     """
+    found = None
     for intervals in MESHES:
         run.intervals = intervals
         try:
-            state, end = _refined(run, _warm(run, initial) or _cold(run), rtol)
+            found = _refined(run, _warm(run, initial) or _cold(run), rtol)
         except Stopped as stopped:
-            if stopped.final or intervals == MESHES[-1]:
+            diverged = stopped.status is Status.NEWTON_DIVERGED
+            if not diverged or (found is None and (stopped.final or intervals == MESHES[-1])):
                 raise
         else:
-            if answers(run, state, doubt=0.0):
-                break
-    if state.plausible and not meets(run, state):
-        raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {state.order}, which does not meet the drive.")
-    return state, end
+            if answers(run, found[0], doubt=0.0):
+                return found
+    # What the first mesh showed may say why there is no answer.
+    if found[0].plausible and not meets(run, found[0]):
+        order = found[0].order
+        raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {order}, which does not meet the drive.")
+    return found
 
 
 def _warm(run: Run, initial: Solution | None) -> State | None:
@@ -202,8 +206,10 @@ def _cold(run: Run) -> State:
 def _refined(run: Run, state: State, rtol: float) -> tuple[State, Refined]:
     """The answer as accurate as wanted."""
     change = functools.partial(changes, run.scene)
+    # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
+    closer = CLOSER if run.scene.pulleys[0].drive == "x_trans" else 0.0
     while True:
-        end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work)
+        end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work, closer=closer)
         fine = end.discrete
         run.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", end.iterations)
         if not fine.converged:

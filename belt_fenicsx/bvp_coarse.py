@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from belt_fenicsx.bvp_answer import grip, plausible, samples
-from belt_fenicsx.bvp_collocation import COARSE, NEWTON, Discrete, Work
+from belt_fenicsx.bvp_collocation import COARSE, NEWTON, Discrete, Work, rounding
 from belt_fenicsx.bvp_guess import divided, guess
 from belt_fenicsx.bvp_order import FINER, STICK, Order, asked, pose, revision
 from belt_fenicsx.bvp_problem import FIRST, LAST, Problem
@@ -167,7 +167,9 @@ def ordered(run: Run, state: State, *, doubt: float | None = None) -> State:
         tried.append(change.order)
         problem = pose(run.scene, change.order)
         start = divided(state.problem, state.discrete, problem, change.borders)
-        discrete = run.work.newton(problem, start, NEWTON if start.mesh.size <= SURE else SURELY, "zone order")
+        # Zones next to nothing need all digits, once the mesh is fine enough to tell.
+        tolerance = NEWTON if doubt is None else rounding(problem, start.mesh.size)
+        discrete = run.work.newton(problem, start, tolerance, "zone order")
         iterations += discrete.iterations
         state = State(change.order, problem, discrete)
     if reasons:

@@ -95,6 +95,10 @@ class Work:
     left: float = WORK
     iterations: int = 0
 
+    def affords(self, intervals: float) -> bool:
+        """Whether one round of Newton's iteration may be spent on a mesh."""
+        return self.left >= JACOBIANS * (1.0 + intervals / OVERHEAD)
+
     def newton(
         self, problem: Problem, start: Discrete, tolerance: float, stage: str, *, positive: bool = False
     ) -> Discrete:
@@ -123,6 +127,14 @@ class Work:
         self.iterations += solution.iterations
         self.left -= solution.iterations * unit
         return solution
+
+
+def rounding(problem: Problem, intervals: float) -> float:
+    """Relative residual at which rounding ends Newton's iteration.
+
+    It grows with the number of intervals, and with what short layers multiply.
+    """
+    return max(ROUNDING * intervals, 0.2 * ROUNDING / problem.unit)
 
 
 def newton(
@@ -228,6 +240,8 @@ def refined(
     change: Callable[[Problem, Discrete, Discrete], Array],
     wanted: Array,
     work: Work | None = None,
+    *,
+    closer: float = CLOSER,
 ) -> Refined:
     """Refines a solution until all that is asked for is as accurate as wanted, or rounding leaves no more.
 
@@ -237,13 +251,12 @@ def refined(
         change: How far two solutions differ in each of the things that are asked for ``(q,)``.
         wanted: The errors of them that are allowed ``(q,)``.
         work: What may be spent.
+        closer: The end of Newton's iteration, over the first error that is allowed.
     """
     work, iterations, before, stalled = work or Work(), 0, math.inf, 0
     intervals = min(max(FINER * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
     while True:
-        # Rounding in residuals grows with the number of intervals, and with what short layers multiply.
-        rounding = max(ROUNDING * intervals, 0.2 * ROUNDING / problem.unit)
-        tolerance = min(max(CLOSER * wanted[0], rounding), NEWTON)
+        tolerance = min(max(closer * wanted[0], rounding(problem, intervals)), NEWTON)
         fine = work.newton(problem, coarse.on(problem, math.ceil(intervals)), tolerance, "refinement")
         iterations += fine.iterations
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
@@ -255,6 +268,8 @@ def refined(
             return Refined(fine, errors, iterations, reached)
         coarse, before = fine, worst
         intervals = min(intervals * min(max((1.2 * worst) ** (1 / ORDER), 1.2), 4.0), FINEST)
+        if not work.affords(intervals):
+            return Refined(fine, errors, iterations, reached)
 
 
 def _residual(problem: Problem, discrete: Discrete, rate: Array) -> float:

@@ -31,7 +31,7 @@ from belt_fenicsx.solution import Zone
 
 STICK = 0
 NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths
-LEAST = 1e-3  # length of a new zone that nothing else tells
+LEAST = 1e-3  # length of a new zone that nothing else tells, in lengths of the contact
 FINER = 16  # pieces of each interval of the mesh in which a new border is looked for
 BROKEN = 1e-8  # by how much a bound is broken, relative to the largest one
 SLACK = 1e-5  # of the sense of sliding on a coarse mesh, relative to the largest speed of the zone
@@ -175,7 +175,7 @@ def _without(order: Order, borders: Array, i: int, pulley: Pulley, how: str) -> 
     why = f"zone {i + 1} of {order} {how}"
     length = borders[i + 1] - borders[i]
     if length < -NOTHING and i == last == (transition or 0) + 1 and senses[i - 1] == STICK and not placed:
-        length = max(-length, LEAST)
+        length = max(-length, LEAST * (borders[-1] - borders[0]))
         return Revision(
             why, Order((*senses[:-1], -senses[-1])), np.array([*borders[:-2], borders[-1] - length, borders[-1]])
         )
