@@ -31,7 +31,7 @@ DOUBT = 3e-3  # by how much borders may be off on the first mesh, about, in leng
 FINER = 1.5  # intervals of the second mesh over those of the first, at least
 SAFETY = 2.0  # of the error estimate
 STALLED = 2  # meshes whose errors are no smaller than before: rounding leaves no more
-WORK = 400.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
+WORK = 280.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
 OVERHEAD = 24  # intervals that cost as much as what each Jacobian costs besides
 
 
@@ -242,6 +242,7 @@ def refined(
     work: Work | None = None,
     *,
     closer: float = CLOSER,
+    fewest: int = COARSE,
 ) -> Refined:
     """Refines a solution until all that is asked for is as accurate as wanted, or rounding leaves no more.
 
@@ -252,6 +253,7 @@ def refined(
         wanted: The errors of them that are allowed ``(q,)``.
         work: What may be spent.
         closer: The end of Newton's iteration, over the first error that is allowed.
+        fewest: Intervals of the coarser one of two meshes whose difference shows an error, at least.
     """
     work, iterations, before, stalled = work or Work(), 0, math.inf, 0
     intervals = min(max(FINER * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
@@ -262,7 +264,7 @@ def refined(
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
         errors = SAFETY * change(problem, coarse, fine) / (ratio**ORDER - 1.0)
         worst = float(np.max(errors / wanted))
-        reached = fine.converged and worst <= 1.0
+        reached = fine.converged and worst <= 1.0 and coarse.mesh.size > fewest
         stalled += worst >= before
         if reached or not fine.converged or intervals >= FINEST or stalled == STALLED:
             return Refined(fine, errors, iterations, reached)

@@ -272,16 +272,17 @@ def test_warm_start_with_other_zones_is_a_cold_start(tight):
 
 
 def test_continuation_where_the_string_does_not_suffice():
-    hard = scene(
-        radius=0.7041,
-        center=(-0.0409, -0.5388),
-        friction=0.8006,
-        x_trans=-0.0286,
-        length=1.0223,
-        thickness=0.02813,
-        poisson_ratio=0.075,
+    short = scene(
+        radius=0.38568,
+        center=(0.2452, -0.370717),
+        friction=0.0026876,
+        x_trans="run-up",
+        slip="backward",
+        length=0.99972,
+        thickness=0.01536,
+        poisson_ratio=-0.1184,
     )
-    solution = bvp.solve(hard)
+    solution = bvp.solve(short)
     assert solution.success
     assert "continuation" in solution.timings
 
