@@ -206,13 +206,10 @@ def _cold(run: Run) -> State:
 def _refined(run: Run, state: State, rtol: float) -> tuple[State, Refined]:
     """The answer as accurate as wanted."""
     change = functools.partial(changes, run.scene)
-    drive = run.scene.pulleys[0].drive
     # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
-    closer = CLOSER if drive == "x_trans" else 0.0
-    # The torque is the difference of two tensions, whose errors may cancel where the first mesh has a part in them.
-    fewest = COARSE + 1 if drive == "omega" else COARSE
+    closer = CLOSER if run.scene.pulleys[0].drive == "x_trans" else 0.0
     while True:
-        end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work, closer=closer, fewest=fewest)
+        end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work, closer=closer)
         fine = end.discrete
         run.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", end.iterations)
         if not fine.converged:

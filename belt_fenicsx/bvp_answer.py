@@ -101,11 +101,10 @@ def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -
     the tension.
     """
     inside = places(after.widths, np.linspace(0.0, 1.0, SAMPLES))
-    omega, asked = scene.pulleys[0].omega, []
-    kinds = []
+    omega, asked, kinds = scene.pulleys[0].omega, [], []
+    tension = np.hypot(*after.p[problem.slices[0][1]])
     for discrete in (before, after):
         D = grip(problem, discrete)[0]
-        tension = np.hypot(*discrete.p[problem.slices[0][1]])
         asked.append(math.log(abs(D)) if omega is None else torque(problem, discrete) / (problem.rod.radius * tension))
         _, x, y, phi, theta, kappa, stretch, p, f = samples(problem, discrete, inside)
         eps, Gamma = stretch * np.cos(theta - phi) - 1.0, -stretch * np.sin(theta - phi)

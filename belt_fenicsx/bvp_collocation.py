@@ -242,7 +242,6 @@ def refined(
     work: Work | None = None,
     *,
     closer: float = CLOSER,
-    fewest: int = COARSE,
 ) -> Refined:
     """Refines a solution until all that is asked for is as accurate as wanted, or rounding leaves no more.
 
@@ -253,7 +252,6 @@ def refined(
         wanted: The errors of them that are allowed ``(q,)``.
         work: What may be spent.
         closer: The end of Newton's iteration, over the first error that is allowed.
-        fewest: Intervals of the coarser one of two meshes whose difference shows an error, at least.
     """
     work, iterations, before, stalled = work or Work(), 0, math.inf, 0
     intervals = min(max(FINER * (coarse.mesh.size - 1), (TYPICAL / wanted[0]) ** (1 / ORDER)), FINEST)
@@ -264,7 +262,7 @@ def refined(
         ratio = (fine.mesh.size - 1) / (coarse.mesh.size - 1)
         errors = SAFETY * change(problem, coarse, fine) / (ratio**ORDER - 1.0)
         worst = float(np.max(errors / wanted))
-        reached = fine.converged and worst <= 1.0 and coarse.mesh.size > fewest
+        reached = fine.converged and worst <= 1.0
         stalled += worst >= before
         if reached or not fine.converged or intervals >= FINEST or stalled == STALLED:
             return Refined(fine, errors, iterations, reached)
