@@ -96,8 +96,8 @@ class Work:
     iterations: int = 0
 
     def affords(self, intervals: float) -> bool:
-        """Whether one round of Newton's iteration may be spent on a mesh."""
-        return self.left >= JACOBIANS * (1.0 + intervals / OVERHEAD)
+        """Whether what a mesh takes from a good first guess, two Jacobians, may be spent."""
+        return self.left >= 2.0 * (1.0 + intervals / OVERHEAD)
 
     def newton(
         self, problem: Problem, start: Discrete, tolerance: float, stage: str, *, positive: bool = False
