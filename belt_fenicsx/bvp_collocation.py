@@ -31,7 +31,7 @@ DOUBT = 3e-3  # by how much borders may be off on the first mesh, about, in leng
 FINER = 1.5  # intervals of the second mesh over those of the first, at least
 SAFETY = 2.0  # of the error estimate
 STALLED = 2  # meshes whose errors are no smaller than before: rounding leaves no more
-WORK = 280.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
+WORK = 340.0  # of a solve, at most; one Jacobian on a mesh of few intervals is one unit
 OVERHEAD = 24  # intervals that cost as much as what each Jacobian costs besides
 
 
