@@ -8,21 +8,28 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp_collocation import Discrete
-from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, moment
+from belt_fenicsx.bvp_problem import FIRST, LAST, Problem, moment, placed_at, places
 from belt_fenicsx.bvp_zones import Slip
-from belt_fenicsx.fields import Fields
+from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Contact, Solution, Zone
 
 DENSE = 100  # intervals of each zone at least, for the fields
+SAMPLES = 97  # places in each zone at which the fields of two meshes are compared
+FIELDS = ("r", "theta", "D", "eps", "Gamma", "kappa", "Q", "p", "f", "v_rel")
+NO_FIELD = 1e-15  # largest value below which a field is nothing but rounding
+SAME_PLACE = 1e-12  # of coordinates that are the same but for rounding
 
 
-def plausible(problem: Problem, discrete: Discrete) -> bool:
+def plausible(problem: Problem, discrete: Discrete, doubt: float | None = None) -> bool:
     """Whether a solution converged, with its borders in order and the belt pressed onto the pulley.
 
-    The equations have solutions without any mechanical sense, too.
+    The equations have solutions without any mechanical sense, too. Borders may be out of order by what is in doubt, by
+    default what the mesh leaves.
     """
-    if not discrete.converged or np.any(np.diff(problem.borders(discrete.p)) <= 0.0):
+    doubt, borders = discrete.doubt if doubt is None else doubt, problem.borders(discrete.p)
+    contact = borders[-2] - borders[1]
+    if not discrete.converged or contact <= 0.0 or np.any(np.diff(borders) <= -doubt * contact):
         return False
     parts = problem.parts(discrete.y, discrete.p)
     return all(np.all(zone.tractions(problem.rod, y, c)[0] > 0.0) for zone, y, c in parts if zone.kind != "free")
@@ -55,12 +62,6 @@ def speed(problem: Problem, discrete: Discrete) -> float:
     return grip(problem, discrete)[0] / problem.rod.radius
 
 
-def final_stretch(problem: Problem, discrete: Discrete) -> float:
-    """Stretch D at the run-off."""
-    zone, y, c = problem.parts(discrete.y[:, LAST], discrete.p)[-2]
-    return float(zone.state(problem.rod, y, c)[5])
-
-
 def torque(problem: Problem, discrete: Discrete) -> float:
     """Moment of the belt on the pulley."""
     ends = (
@@ -71,25 +72,71 @@ def torque(problem: Problem, discrete: Discrete) -> float:
     return float(sum(moment(problem.rod, sign)(state)[0] for state, sign in ends))
 
 
+def samples(problem: Problem, discrete: Discrete, inside: Array) -> Array:
+    """Coordinate, state, pressure and friction at places inside of each zone.
+
+    Args:
+        problem: The problem.
+        discrete: Its solution.
+        inside: Places in the zones, as parts of them ``(len(zones), m)``.
+
+    Returns:
+        Rows sigma, x, y, phi, theta, kappa, D, p, f ``(9, len(zones), m)``.
+    """
+    borders, rows = problem.borders(discrete.p), []
+    coordinates = placed_at(discrete.widths, inside)
+    same = np.ptp(coordinates, axis=0).max() < SAME_PLACE
+    values = discrete.between(coordinates[0]) if same else None
+    for i, xi in enumerate(coordinates):
+        zone, y, c = problem.parts(discrete.between(xi) if values is None else values, discrete.p)[i]
+        sigma = (1.0 - inside[i]) * borders[i] + inside[i] * borders[i + 1]
+        rows.append(np.vstack([sigma, zone.state(problem.rod, y, c), *zone.tractions(problem.rod, y, c)]))
+    return np.stack(rows, axis=1)
+
+
+def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -> Array:
+    """How far two solutions of a dimensionless scene differ: in what is asked for, and in each of the `FIELDS`.
+
+    What is asked for is the angular velocity, relatively; where it is given, the torque, relative to the radius times
+    the tension.
+    """
+    inside = places(after.widths, np.linspace(0.0, 1.0, SAMPLES))
+    omega, asked, kinds = scene.pulleys[0].omega, [], []
+    tension = np.hypot(*after.p[problem.slices[0][1]])
+    for discrete in (before, after):
+        D = grip(problem, discrete)[0]
+        asked.append(math.log(abs(D)) if omega is None else torque(problem, discrete) / (problem.rod.radius * tension))
+        _, x, y, phi, theta, kappa, stretch, p, f = samples(problem, discrete, inside)
+        eps, Gamma = stretch * np.cos(theta - phi) - 1.0, -stretch * np.sin(theta - phi)
+        v_rel = stretch - (D if omega is None else problem.rod.radius * omega)
+        Q = np.stack([problem.rod.b1 * eps, problem.rod.b2 * Gamma])
+        kinds.append((np.stack([x, y]), theta, stretch, eps, Gamma, kappa, Q, p, f, v_rel))
+    errors = [np.max(np.abs(b - a)) / max(np.max(np.abs(b)), NO_FIELD) for a, b in zip(*kinds, strict=True)]
+    return np.array([abs(asked[1] - asked[0]), *errors])
+
+
+def field_errors(errors: Array) -> dict[str, float]:
+    """Errors of the `FIELDS` by name; that of M is that of kappa."""
+    named = dict(zip(FIELDS, map(float, errors), strict=True))
+    return {**named, "M": named["kappa"]}
+
+
 def answer(
     problem: Problem, scene: Scene, discrete: Discrete, omega: float | None = None
 ) -> tuple[Contact, tuple[Zone, ...], Fields]:
     """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
-    p, borders = discrete.p, problem.borders(discrete.p)
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
-    zones, columns = [], []
-    for i, (zone, y, c) in enumerate(problem.parts(discrete.between(xi), p)):
-        sigma = (1.0 - xi) * borders[i] + xi * borders[i + 1]
-        state = zone.state(problem.rod, y, c)
-        columns.append(np.vstack([np.full_like(xi, i), sigma, state, *zone.tractions(problem.rod, y, c)]))
+    columns, zones = samples(problem, discrete, places(discrete.widths, xi)), []
+    for i, zone in enumerate(problem.zones):
         sense = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
-        ends = (float(borders[i]), float(borders[i + 1])), (float(state[0, FIRST]), float(state[0, LAST]))
-        zones.append(Zone(kind=zone.kind, slip=sense, sigma=ends[0], x=ends[1]))
-    index, sigma, x, y, phi, theta, kappa, D, pressure, friction = np.hstack(columns)
+        (start, end), x = columns[0, i, [FIRST, LAST]].tolist(), columns[1, i, [FIRST, LAST]].tolist()
+        zones.append(Zone(kind=zone.kind, slip=sense, sigma=(start, end), x=(x[0], x[1])))
+    index = np.repeat(np.arange(len(zones)), xi.size)
+    sigma, x, y, phi, theta, kappa, D, pressure, friction = columns.reshape(9, -1)
     omega = speed(problem, discrete) if omega is None else omega
     fields = Fields.from_state(
         scene.belt,
-        zone=index.astype(int),
+        zone=index,
         sigma=sigma,
         r=np.column_stack([x, y]),
         theta=theta,
@@ -100,15 +147,14 @@ def answer(
         f=friction,
         v_rel=D - problem.rod.radius * omega,
     )
-    up, off = columns[1][2:8, FIRST], columns[-2][2:8, LAST]
     stuck = [zone for zone in zones if zone.kind == "stick"] or zones[1:-2]
     contact = Contact(
         omega=omega,
-        x_up=float(up[0]),
-        x_trans=stuck[0].x[1] if stuck else float(up[0]),
-        x_off=float(off[0]),
+        x_up=zones[1].x[0],
+        x_trans=stuck[0].x[1] if stuck else zones[1].x[0],
+        x_off=zones[-2].x[1],
         torque=torque(problem, discrete),
-        wrap_angle=float(up[2] - off[2]),
+        wrap_angle=float(columns[3, 1, FIRST] - columns[3, -2, LAST]),
         zones=tuple(zones[1:-1]),
     )
     return contact, tuple(zones), fields

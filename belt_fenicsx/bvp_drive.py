@@ -19,9 +19,9 @@ from scipy.integrate import cumulative_trapezoid
 
 from belt_fenicsx.bvp_answer import grip, torque
 from belt_fenicsx.bvp_coarse import Run, State, driven_by, earliest, limit, ordered, placed
-from belt_fenicsx.bvp_collocation import newton
 from belt_fenicsx.bvp_guess import divided
 from belt_fenicsx.bvp_order import FINER, NOTHING, STICK, Order, pose, revision
+from belt_fenicsx.bvp_problem import places
 from belt_fenicsx.bvp_zones import Stick
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, SceneError
@@ -29,9 +29,8 @@ from belt_fenicsx.scene import Slip as Sense
 from belt_fenicsx.solution import Status
 from belt_fenicsx.stages import Stopped
 
-MET = 1e-6  # how closely pure stick has to meet a given speed or torque, in units of stretch and of b1 R
-SLIGHT = 1e-9  # how closely pure slip has to, in the same units
-DOUBTFUL = 1e-2  # of the capacity, by which a torque exceeds it at most where a finer mesh might say otherwise
+MET = 1e-13  # how closely pure stick or slip has to meet a given speed or torque: rounding in stretch and in b1 R
+FINE, FINELY = 96, 1e-10  # intervals, and end of Newton's iteration, for the capacity
 NEARLY = 0.95  # of the contact slides before sliding turns next to the run-off, in the first guess
 LEAST = 1e-3  # part of the stick zone, at least, that sticks or slides in the first guess
 MOST_PLACES = 12  # of the transition that are tried one after another
@@ -72,7 +71,8 @@ def _ends(run: Run, stick: State, i: int, sense: int) -> list[float]:
     fine = discrete.finer(FINER)
     parts = problem.parts(discrete.between(fine), discrete.p)[i + 1 : -1]
     borders = problem.borders(discrete.p)[i + 1 : -1]
-    sigma = np.concatenate([start + (end - start) * fine for start, end in pairwise(borders)])
+    inside = places(discrete.widths, fine)[i + 1 : -1]
+    sigma = np.concatenate([a + (b - a) * part for (a, b), part in zip(pairwise(borders), inside, strict=True)])
     pressure, friction = np.concatenate([zone.tractions(problem.rod, y, c) for zone, y, c in parts], axis=1)
     held = np.concatenate([Stick().tractions(problem.rod, y[:3], [zone.stretch(y, c)])[1] for zone, y, c in parts])
     slip, strain = sense * run.scene.pulleys[0].friction * pressure, grip(problem, discrete)[0] - 1.0
@@ -104,16 +104,15 @@ def _integral(values: Array, sigma: Array) -> Array:
 
 def _tried(run: Run, start: State, name: str) -> State | None:
     """An answer from a first guess; None where there is none."""
-    coarse = newton(start.problem, start.discrete)
-    state = replace(start, discrete=coarse)
-    run.stages.ran(name, f"no plausible solution yet; now {state.order}", coarse.iterations)
+    state = run.converged(start, name)
+    run.stages.ran(name, f"no plausible solution yet; now {state.order}", state.discrete.iterations)
     if state.plausible and answers(run, state := ordered(run, state)):
         run.stages.skipped("search", "the first guess sufficed")
         return state
     return None
 
 
-def answers(run: Run, state: State) -> bool:
+def answers(run: Run, state: State, *, doubt: float | None = None) -> bool:
     """Whether a state is plausible, breaks no bound and meets the drive.
 
     Raises:
@@ -121,7 +120,8 @@ def answers(run: Run, state: State) -> bool:
     """
     if not state.plausible or not meets(run, state):
         return False
-    return not (run.find_zones and revision(state.problem, state.order, state.discrete, run.scene.pulleys[0]))
+    doubt = state.discrete.doubt if doubt is None else doubt
+    return not (run.find_zones and revision(state.problem, state.order, state.discrete, run.scene.pulleys[0], doubt))
 
 
 def meets(run: Run, state: State) -> bool:
@@ -133,19 +133,34 @@ def meets(run: Run, state: State) -> bool:
     pulley, sense = run.scene.pulleys[0], state.order.senses[0]
     if pulley.drive == "x_trans" or pulley.friction == 0.0 or state.order.transition is not None:
         return True
-    ahead = _ahead(run, state)
+    ahead = sense * _ahead(run, state)
     if sense == STICK:
-        return abs(ahead) <= MET
-    if pulley.drive == "omega":
-        return sense * ahead <= SLIGHT
-    if sense * ahead <= SLIGHT:
-        return sense * ahead >= -SLIGHT
-    capacity = torque(state.problem, state.discrete)
-    raise Stopped(
-        Status.CAPACITY_EXCEEDED,
-        f"Sliding all along, the belt transmits {capacity * run.units.of(length=1, force=1):.6g} N m.",
-        final=abs(pulley.torque / capacity - 1.0) > DOUBTFUL,
-    )
+        return abs(_ahead(run, state)) <= MET
+    if ahead <= MET:
+        return pulley.drive == "omega" or ahead >= -MET
+    if pulley.drive == "torque":
+        _check_capacity(run, state)
+    return False
+
+
+def _check_capacity(run: Run, slip: State) -> None:
+    """Checks that a torque is not beyond what sliding all along transmits, on a finer mesh.
+
+    Raises:
+        Stopped: It is.
+    """
+    intervals = max(FINE, slip.discrete.mesh.size - 1)
+    fine = run.work.newton(slip.problem, slip.discrete.on(slip.problem, intervals), FINELY, "capacity")
+    state = replace(slip, discrete=fine)
+    if state.plausible and slip.order.senses[0] * _ahead(run, state) > MET:
+        capacity = torque(slip.problem, fine)
+        excess = 100.0 * (run.scene.pulleys[0].torque / capacity - 1.0)
+        raise Stopped(
+            Status.CAPACITY_EXCEEDED,
+            f"Sliding all along, the belt transmits {capacity * run.units.of(length=1, force=1):.6g} N m, which the "
+            f"given torque exceeds by {excess:.3g} %.",
+            final=True,
+        )
 
 
 def _ahead(run: Run, state: State) -> float:
@@ -164,7 +179,7 @@ def _sense(run: Run, stick: State) -> int:
 def _searched(run: Run, stick: State) -> State:
     """An answer from solutions whose transition is placed, between pure stick and pure slip."""
     sense: Sense = "forward" if _sense(run, stick) > 0 else "backward"
-    slip = limit(run, RUN_UP, sense)
+    slip = limit(run, RUN_UP, sense, stick)
     if meets(run, slip):
         return slip
     ends = [[grip(stick.problem, stick.discrete)[1], _ahead(run, stick)], [earliest(slip), _ahead(run, slip)]]
@@ -175,10 +190,14 @@ def _searched(run: Run, stick: State) -> State:
         if abs(x_other - x) <= NOTHING:
             break
         place = x + float(np.clip(ahead / (ahead - ahead_other), 0.05, 0.95)) * (x_other - x)
-        search = Run(driven_by(run.scene, place, sense), run.units, run.find_zones, run.intervals)
+        search = run.other(driven_by(run.scene, place, sense))
         try:
-            near = placed(search)
-        except (Stopped, SceneError):
+            near = placed(search, stick)
+        except SceneError:
+            break
+        except Stopped as stopped:
+            if stopped.final:
+                raise
             break
         problem = pose(run.scene, near.order)
         run.stages.ran("search", f"with the transition at {place:.6g} at first", search.stages.iterations)

@@ -22,17 +22,20 @@ from itertools import pairwise
 import numpy as np
 
 from belt_fenicsx.bvp_collocation import Discrete
-from belt_fenicsx.bvp_problem import FIRST, LAST, Condition, Problem, component, moment, onset
+from belt_fenicsx.bvp_problem import FIRST, LAST, Condition, Problem, component, moment, onset, places
 from belt_fenicsx.bvp_zones import Free, Rod, Slip, Stick
 from belt_fenicsx.certificate import SENSE
 from belt_fenicsx.fields import Array
 from belt_fenicsx.scene import RUN_OFF, RUN_UP, Pulley, Scene
+from belt_fenicsx.solution import Zone
 
 STICK = 0
-NOTHING = 1e-8  # length of a zone that has shrunk to nothing, in belt lengths
-LEAST = 1e-3  # length of a new zone that nothing else tells
+NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths
+LEAST = 1e-3  # length of a new zone that nothing else tells, in lengths of the contact
 FINER = 16  # pieces of each interval of the mesh in which a new border is looked for
 BROKEN = 1e-8  # by how much a bound is broken, relative to the largest one
+SLACK = 1e-5  # of the sense of sliding on a coarse mesh, relative to the largest speed of the zone
+ROUNDING = 1e-14  # of the stretch
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,11 @@ class Order:
 
     senses: tuple[int, ...]
     longest: bool = False
+
+    @staticmethod
+    def of(zones: tuple[Zone, ...]) -> Order:
+        """The order of the zones of a solution."""
+        return Order(tuple(int(SENSE.get(zone.slip or "", STICK)) for zone in zones[1:-1]))
 
     @property
     def transition(self) -> int | None:
@@ -115,33 +123,46 @@ def _conditions(order: Order, pulley: Pulley, rod: Rod) -> Iterator[Condition]:
             yield Condition(on_pulley, pulley.torque)
 
 
-def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley) -> Revision | None:
-    """What the first broken bound of a solution calls for; None where all hold."""
+def revision(problem: Problem, order: Order, discrete: Discrete, pulley: Pulley, doubt: float = 0.0) -> Revision | None:
+    """What the first broken bound of a solution calls for; None where all hold.
+
+    Args:
+        problem: The problem.
+        order: The order of its zones.
+        discrete: Its solution.
+        pulley: The dimensionless pulley.
+        doubt: Negative length of a zone that does not count, in lengths of the contact.
+    """
     borders = problem.borders(discrete.p)[1:-1]
     shortest = int(np.argmin(np.diff(borders)))
-    if borders[shortest + 1] - borders[shortest] <= NOTHING:
+    if borders[shortest + 1] - borders[shortest] <= (NOTHING if doubt == 0.0 else -doubt * (borders[-1] - borders[0])):
         return _without(order, borders, shortest, pulley, "has shrunk to nothing")
-    if (found := _broken(problem, order, discrete.mesh, discrete.y, discrete.p, pulley)) is None:
+    slack = BROKEN if doubt == 0.0 else SLACK
+    if (found := _broken(problem, order, discrete, discrete.mesh, pulley, slack)) is None:
         return None
     # A new border has to start close to where it will be.
     fine = discrete.finer(FINER)
-    return _broken(problem, order, fine, discrete.between(fine), discrete.p, pulley) or found
+    return _broken(problem, order, discrete, fine, pulley, slack) or found
 
 
-def _broken(problem: Problem, order: Order, xi: Array, y: Array, p: Array, pulley: Pulley) -> Revision | None:
-    """What the first bound that breaks on a mesh calls for."""
-    borders = problem.borders(p)[1:-1]
-    parts = problem.parts(y, p)[1:-1]
+def _broken(
+    problem: Problem, order: Order, discrete: Discrete, xi: Array, pulley: Pulley, slack: float
+) -> Revision | None:
+    """What the first bound that breaks at some coordinates calls for."""
+    borders, inside = problem.borders(discrete.p)[1:-1], places(discrete.widths, xi)[1:-1]
+    parts = problem.parts(discrete.between(xi), discrete.p)[1:-1]
     stretches = [zone.state(problem.rod, functions, c)[5] for zone, functions, c in parts]
     for i, (zone, functions, c) in enumerate(parts):
-        sigma, found = borders[i] + (borders[i + 1] - borders[i]) * xi, None
+        if borders[i + 1] <= borders[i]:
+            continue
+        sigma, found = borders[i] + (borders[i + 1] - borders[i]) * inside[i], None
         if order.senses[i] == STICK:
             pressure, friction = zone.tractions(problem.rod, functions, c)
             found = _bound(order, borders, i, pulley, sigma, friction, pulley.friction * pressure)
         elif order.transition is not None:
-            found = _turn(order, borders, i, sigma, stretches[i] / stretches[order.transition][LAST] - 1.0)
+            found = _turn(order, borders, i, sigma, stretches[i] - stretches[order.transition][LAST], slack)
         elif pulley.drive == "omega" and pulley.friction > 0.0:
-            found = _turn(order, borders, i, sigma, stretches[i] / (problem.rod.radius * pulley.omega) - 1.0)
+            found = _turn(order, borders, i, sigma, stretches[i] - problem.rod.radius * pulley.omega, slack)
         if found is not None:
             return found
     return None
@@ -154,7 +175,7 @@ def _without(order: Order, borders: Array, i: int, pulley: Pulley, how: str) -> 
     why = f"zone {i + 1} of {order} {how}"
     length = borders[i + 1] - borders[i]
     if length < -NOTHING and i == last == (transition or 0) + 1 and senses[i - 1] == STICK and not placed:
-        length = max(-length, LEAST)
+        length = max(-length, LEAST * (borders[-1] - borders[0]))
         return Revision(
             why, Order((*senses[:-1], -senses[-1])), np.array([*borders[:-2], borders[-1] - length, borders[-1]])
         )
@@ -203,9 +224,9 @@ def _bound(
     return None
 
 
-def _turn(order: Order, borders: Array, i: int, sigma: Array, ahead: Array) -> Revision | None:
+def _turn(order: Order, borders: Array, i: int, sigma: Array, ahead: Array, slack: float) -> Revision | None:
     """Two slip zones in place of one in which the belt slides both ways."""
-    wrong = order.senses[i] * ahead < -BROKEN
+    wrong = order.senses[i] * ahead < -max(slack * np.max(np.abs(ahead)), ROUNDING)
     if not np.any(wrong):
         return None
     why = f"the belt slides the other way in a part of zone {i + 1} of {order}"

@@ -19,12 +19,15 @@ constant D; sliding of sense s adds the equation Q'.t + s mu Q'.n = 0, solved fo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from belt_fenicsx.fields import Array
+
+TINY_STRAIN = 1e-6  # below which a span is as good as slack
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,15 @@ class Rod:
     b2: float
     radius: float
     center: tuple[float, float]
+
+    @property
+    def shear_layer(self) -> float:
+        """About the length over which shear dies out on the pulley."""
+        return math.sqrt(self.a / self.b2)
+
+    def bending_layer(self, tension: float) -> float:
+        """Length over which bending dies out in a free span, not above that of a strain that is tiny."""
+        return math.sqrt(self.a / max(tension, TINY_STRAIN * self.b1))
 
 
 class ZoneEquations(Protocol):
@@ -203,6 +215,10 @@ class Slip(OnPulley):
 
     def stretch(self, y: Array, c: Array) -> Array:
         return y[3]
+
+    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
+        p, _ = super().tractions(rod, y, c)
+        return p, -self.friction * p
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         return self._rate(rod, y, Force.at(rod, y[1] - y[0], y[3]))

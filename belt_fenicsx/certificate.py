@@ -84,12 +84,12 @@ def certify(
         for kinds in (("stick", "slip"), ("stick",), ("slip",))
     )
 
-    def check(name: str, where: Array, values: Array, size: Array, error: float = 0.0) -> None:
-        """Adds a check: where they count, values relative to their size are at least zero, up to an error."""
+    def check(name: str, where: Array, values: Array, size: Array, error: float = 0.0, rounding: float = 0.0) -> None:
+        """Adds a check: where they count, values relative to their size are at least zero, up to error and rounding."""
         if where.any():
             # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
             sizes = np.where(size > 0.0, size, math.nan)[where]
-            margins, allowed = values[where] / sizes, tolerance + np.minimum(error / sizes, MOST)
+            margins, allowed = values[where] / sizes, tolerance + np.minimum(error / sizes, MOST) + rounding / sizes
             index = int((margins + allowed).argmin())
             x = float(fields.x[where][index])
             checks.append(Check(name=name, margin=float(margins[index]), tolerance=float(allowed[index]), x=x))
@@ -106,8 +106,8 @@ def certify(
         sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
         speed = np.abs(fields.v_rel)
         largest = np.array([speed[fields.zone == index].max(initial=0.0) for index in range(len(zones))])[fields.zone]
-        unknown = errors.get("v_rel", 0.0) * float(speed.max()) + ROUNDING * scene.transport_rate
-        check("sense of sliding in slip", sliding, sense * fields.v_rel, largest, unknown)
+        unknown, least = errors.get("v_rel", 0.0) * float(speed.max()), ROUNDING * scene.transport_rate
+        check("sense of sliding in slip", sliding, sense * fields.v_rel, np.maximum(largest, least), unknown, least)
     allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
     for name, margin in _balances(scene, fields):
         checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))

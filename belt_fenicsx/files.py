@@ -91,6 +91,7 @@ def to_plain(solution: Solution) -> dict[str, Any]:
         "checks": [asdict(check) for check in solution.checks],
         "iterations": solution.iterations,
         "error_estimate": solution.error_estimate,
+        "field_errors": dict(solution.field_errors),
         "stages": [asdict(stage) for stage in solution.stages],
         "measures": dict(solution.measures),
     }
@@ -115,6 +116,7 @@ def from_plain(plain: Mapping[str, Any], fields_: Fields | None = None) -> Solut
         checks=tuple(Check(**check) for check in plain["checks"]),
         iterations=plain["iterations"],
         error_estimate=plain["error_estimate"],
+        field_errors=plain["field_errors"],
         stages=tuple(Stage(**stage) for stage in plain["stages"]),
         measures=plain["measures"],
     )
