@@ -33,7 +33,7 @@ from belt_fenicsx.fitted_answer import answer, fields_at
 from belt_fenicsx.fitted_errors import change_of_pressure, error_of_known, errors_of_fields, rounding
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
-from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, WARM, Run, Start, meets, starts, warm
+from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, RESCUE, WARM, Run, Start, meets, starts, warm
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import FEWEST_ELEMENTS, RUN_UP, Scene, SceneError, Slip, whole_number
 from belt_fenicsx.solution import Solution, Status, finish
@@ -120,7 +120,8 @@ def rescued(run: Run, failed: Solution, rtol: float, degree: int | None) -> Solu
     other = bvp.solve(run.asked, throw=False)
     run.stages.ran("boundary-value problem", f"{failed.status.name} so far; it may find the zones", other.iterations)
     if other.success:
-        solution = solved(run.once_more(), [functools.partial(warm, initial=other)], rtol, degree)
+        ways = [functools.partial(warm, initial=other, degree=k) for k in RESCUE]
+        solution = solved(run.once_more(), ways, rtol, degree)
         if solution.success or solution.status is Status.ACCURACY_NOT_REACHED:
             return solution
     status = other.status if other.status is Status.CAPACITY_EXCEEDED else failed.status
@@ -291,4 +292,4 @@ def reviewed(run: Run, state: State, error: float) -> State:
 def finer(run: Run, state: State) -> State:
     """The same zones with twice as many cells, at a low degree."""
     run.elements = 2 * len(state.cells)
-    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough", degree=WARM)
+    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough", degree=WARM[0])

@@ -32,7 +32,9 @@ FINE = 8  # degree, with which a moment is said to be too large
 ARRIVED = 2e-2  # largest step of a border, in lengths of the shortest cell, after which the degree may rise
 NEGATIVE = 0.1  # pressure, relative to the largest, that no error of a coarse state explains
 PLACED = 1e-8  # the same where pure stick or pure slip is to be known well
-WARM = 6  # degree that a given solution starts with
+# Degrees that a given solution starts with, one after another, and one by another method. Where friction is little, or
+# zones are short, a low degree knows it too coarsely to place a border by it.
+WARM, RESCUE = (6, 8), (8, 12)
 NEARLY = 0.95  # of the contact, at most, slides in the first guess of a contact that sticks somewhere
 SOFTER = 1 / 20  # in bending, of a belt that is more like a string
 PRESSED = 2.0  # bending layers, in the free span of a belt that its clamp presses onto the pulley
@@ -98,7 +100,8 @@ class Run:
 def starts(run: Run, initial: Solution | None) -> list[Start]:
     """Ways to a state of the lowest degree, of which each is for scenes in which those before it fail."""
     pulley = run.scene.pulleys[0]
-    ways: list[Start] = [] if initial is None else [functools.partial(warm, initial=initial)]
+    degrees = () if initial is None else WARM
+    ways: list[Start] = [functools.partial(warm, initial=initial, degree=degree) for degree in degrees]
     if pulley.drive != "x_trans" and pulley.friction > 0.0:
         return [*ways, _driven]
     if len(posed(run.scene).parts) == 3:
@@ -154,8 +157,8 @@ def _from_softer(run: Run) -> State:
     return run.on(posed(run.scene), state.ends, state, "a belt that bends more easily")
 
 
-def warm(run: Run, initial: Solution) -> State:
-    """From a given solution, whatever its method."""
+def warm(run: Run, initial: Solution, degree: int) -> State:
+    """From a given solution, whatever its method, with elements of this degree."""
     contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
     if initial.fields is None or not _fits(run.scene, contact):
         run.stages.skipped("warm start", "the given solution has other zones")
@@ -168,11 +171,7 @@ def warm(run: Run, initial: Solution) -> State:
         ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
         old = initial.fields.in_units(units)
     run.stages.skipped("taut string", "a solution was given to start from")
-    try:
-        return run.on(zones, ends, old, why, degree=WARM)
-    except Stopped:
-        # In short zones, a low degree knows friction too coarsely to place a border by it.
-        return run.on(zones, ends, old, why, degree=FINE)
+    return run.on(zones, ends, old, why, degree=degree)
 
 
 def _fits(scene: Scene, contact: list[Part]) -> bool:
@@ -201,7 +200,7 @@ def _from_pure_stick(run: Run) -> State:
 def in_pure_stick(run: Run) -> State:
     """The belt that sticks all along the contact."""
     pure = run.driven_by(RUN_OFF)
-    stick = _first(pure, [_from_string, _bent, _from_softer])
+    stick = _first([functools.partial(way, pure) for way in (_from_string, _bent, _from_softer)])
     _, up, off, _ = stick.ends
     if off - up < SHORTEST or (p := stick.values[:, local(LOWEST).p]).min() < -NEGATIVE * p.max():
         raise Stopped(Status.NEWTON_DIVERGED, "Pure stick was not found from the taut string.")
@@ -245,16 +244,16 @@ def _transition(run: Run, stick: State) -> tuple[Slip, float | None]:
     return slip, transition(run.scene, stick, SENSE[slip], ahead)
 
 
-def _first(run: Run, ways: list[Callable[[Run], State]]) -> State:
+def _first(ways: list[Callable[[], State]]) -> State:
     """The first state that one of several ways leads to."""
     *earlier, last = ways
     for way in earlier:
         try:
-            return way(run)
+            return way()
         except Stopped as stopped:
             if stopped.status is not Status.NEWTON_DIVERGED:
                 raise
-    return last(run)
+    return last()
 
 
 def meets(run: Run, state: State) -> bool:
