@@ -18,6 +18,7 @@ from belt_fenicsx.fitted_answer import pulley_speed
 from belt_fenicsx.fitted_forms import gauss_weights
 from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene
+from belt_fenicsx.zones import shear_layer
 
 # Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
 # units of the factor by which the change of the pressure fell since the degree before.
@@ -33,6 +34,7 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
 STRETCH = 5e-12  # rounding error of a stretch at any point
+TRACTION = 1e-9  # of pressure and friction, relative to the largest, for each shear layer along the radius
 # Components of the fields that are compared; the bending moment goes with kappa.
 ROWS = {"r": 2, "theta": 1, "D": 1, "eps": 1, "Gamma": 1, "kappa": 1, "Q": 2, "p": 1, "f": 1, "v_rel": 1}
 
@@ -99,16 +101,18 @@ def errors_of_fields(
         change_before: That by the degree before; zero where there is none.
     """
     fall = change / change_before if change_before else 0.0
-    left_of_tractions = min(max(TRACTION_GAIN * fall, LEFT_OF_FIELDS), TRACTION_MOST)
-    left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": left_of_tractions, "f": left_of_tractions}
+    part_of_tractions = min(max(TRACTION_GAIN * fall, LEFT_OF_FIELDS), TRACTION_MOST)
+    left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": part_of_tractions, "f": part_of_tractions}
     old, new = _table(scene, before), _table(scene, state)
     starts = np.cumsum([0, *ROWS.values()])[:-1]
     changes, largest = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
     sizes = dict(zip(ROWS, largest.tolist(), strict=True))
     sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
+    slender = scene.pulleys[0].radius / shear_layer(scene, state.D_stick - 1.0)
+    least = dict.fromkeys(STRETCHES, STRETCH) | {name: TRACTION * slender * sizes[name] for name in "pf"}
     errors = {}
     for name, change_of_field in zip(ROWS, changes.tolist(), strict=True):
-        error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, STRETCH if name in STRETCHES else 0.0)
+        error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, least.get(name, 0.0))
         # Without friction, the traction f is zero, and so is its error.
         errors[name] = error / (sizes[name] or 1.0)
     return {**errors, "M": errors["kappa"]}
