@@ -2,9 +2,10 @@
 # # Run time against error
 #
 # Three methods answer the same scene in one process: the fixed mesh (more and more elements), the fitted zones and
-# the boundary-value problem (tighter and tighter tolerances). The error of omega is the true one, against a reference
-# on which two methods agree. Each setting is run once to warm up, and then in turn with all others; the tables
-# show medians.
+# the boundary-value problem (tighter and tighter tolerances). Beside them runs a clock that no change of this project
+# moves: the same scene as one page of code for SciPy's solve_bvp (`plain_bvp.py`), which finds no zones and checks
+# nothing. The error of omega is the true one, against a reference on which two methods agree. Each setting is run once
+# to warm up, and then in turn with all others; the tables show medians.
 #
 #     python demos/benchmark.py            prints the tables and draws the figure
 #     python demos/benchmark.py --readme   writes them into the README, too
@@ -27,6 +28,7 @@ from statistics import median
 import dolfinx
 import numpy as np
 import scipy
+from plain_bvp import plain
 from readme import write_into_readme
 
 from belt_fenicsx import Scene, bvp, solve, sweep
@@ -40,7 +42,10 @@ logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
 
 HERE = Path(__file__).parent
 FIGURE = HERE / "figures" / "benchmark.png"
-FIXED, FITTED, BVP = "augmented-lagrangian", "fitted", "bvp"
+FIXED, FITTED, BVP, PLAIN = "augmented-lagrangian", "fitted", "bvp", "plain"
+TITLES = {**NAMES, PLAIN: "plain solve_bvp"}
+LINES = {**STYLES, PLAIN: {"color": "0.6", "linestyle": (0, (1, 1))}}
+PLAIN_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 ELEMENTS = (25, 50, 100, 200, 400, 800, 1600)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 DEGREE = 6
@@ -74,7 +79,7 @@ class Run:
 
     method: str
     setting: str
-    call: Callable[[], object]
+    omega: Callable[[], float]
     error: float = float("nan")
     seconds: list[float] = field(default_factory=list)
 
@@ -87,21 +92,23 @@ class Run:
 def all_runs() -> list[Run]:
     """Every method at every setting."""
     runs = [
-        Run(FIXED, f"{n} elements", lambda n=n: solve(scene, method=FIXED, elements=n, throw=False)) for n in ELEMENTS
+        Run(FIXED, f"{n} elements", lambda n=n: solve(scene, method=FIXED, elements=n, throw=False).omega)
+        for n in ELEMENTS
     ]
-    runs += [Run(FITTED, f"rtol {tol:g}", lambda tol=tol: solve(scene, rtol=tol)) for tol in TOLERANCES]
-    runs += [Run(BVP, f"rtol {tol:g}", lambda tol=tol: bvp.solve(scene, rtol=tol)) for tol in TOLERANCES]
+    runs += [Run(FITTED, f"rtol {tol:g}", lambda tol=tol: solve(scene, rtol=tol).omega) for tol in TOLERANCES]
+    runs += [Run(BVP, f"rtol {tol:g}", lambda tol=tol: bvp.solve(scene, rtol=tol).omega) for tol in TOLERANCES]
+    runs += [Run(PLAIN, f"tol {tol:g}", lambda tol=tol: plain(tol)) for tol in PLAIN_TOLERANCES]
     return runs
 
 
 def measured(runs: list[Run], omega: float, repeats: int) -> list[Run]:
     """Fills in errors and times; the runs take turns, so that all see the same machine."""
     for run in runs:
-        run.error = max(abs(run.call().omega / omega - 1.0), 1e-16)
+        run.error = max(abs(run.omega() / omega - 1.0), 1e-16)
     for _ in range(repeats):
         for run in runs:
             began = time.perf_counter()
-            run.call()
+            run.omega()
             run.seconds.append(time.perf_counter() - began)
     return runs
 
@@ -301,11 +308,12 @@ def report(
 
     rows = []
     for target in TARGETS:
-        ours, theirs = fastest(runs, FITTED, target), fastest(runs, BVP, target)
-        ratio = f"{theirs.time / ours.time:.1f}" if ours and theirs else ""
-        rows.append((f"{target:g}", cell(ours), cell(theirs), cell(fastest(runs, FIXED, target)), ratio))
-    head = ("true error of omega below", NAMES[FITTED], NAMES[BVP], NAMES[FIXED], "BVP / fitted")
-    every = [(NAMES[run.method], run.setting, f"{run.error:.1e}", f"{1e3 * run.time:.3g}") for run in runs]
+        ours, *others = (fastest(runs, method, target) for method in (FITTED, BVP, PLAIN, FIXED))
+        ratios = (f"{other.time / ours.time:.1f}" if ours and other else "" for other in others[:2])
+        rows.append((f"{target:g}", cell(ours), *(cell(other) for other in others), *ratios))
+    titles = (TITLES[method] for method in (FITTED, BVP, PLAIN, FIXED))
+    head = ("true error of omega below", *titles, "BVP / fitted", "plain / fitted")
+    every = [(TITLES[run.method], run.setting, f"{run.error:.1e}", f"{1e3 * run.time:.3g}") for run in runs]
     versions = (
         f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
         f"DOLFINx {dolfinx.__version__}, "
@@ -319,7 +327,7 @@ def report(
             table(("refined", "error of omega falls by"), falling),
             table(
                 ("method", "unknowns", "Newton iteration [ms]"),
-                [(NAMES[row.method], str(row.unknowns), f"{1e3 * row.seconds:.3g}") for row in sizes],
+                [(TITLES[row.method], str(row.unknowns), f"{1e3 * row.seconds:.3g}") for row in sizes],
             ),
             f"Fitted power of the unknowns: {slope(sizes, FIXED, 1000):.2f} on the fixed mesh (from 1000 unknowns on), "
             f"{slope(sizes, FITTED, 0):.2f} with fitted zones.",
@@ -334,11 +342,11 @@ def draw(runs: list[Run], path: Path) -> None:
 
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     ax = figure.subplots()
-    for method, marker in ((FIXED, "s"), (FITTED, "o"), (BVP, "^")):
+    for method, marker in ((FIXED, "s"), (FITTED, "o"), (BVP, "^"), (PLAIN, "x")):
         own = [run for run in runs if run.method == method]
-        style = {**STYLES[method], "linewidth": 1.2, "alpha": 1.0}
+        style = {**LINES[method], "linewidth": 1.2, "alpha": 1.0}
         ax.loglog(
-            [run.error for run in own], [1e3 * run.time for run in own], marker=marker, label=NAMES[method], **style
+            [run.error for run in own], [1e3 * run.time for run in own], marker=marker, label=TITLES[method], **style
         )
     ax.invert_xaxis()
     ax.set_xlabel(r"true relative error of $\omega$ [-]")
