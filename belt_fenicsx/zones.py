@@ -28,7 +28,6 @@ BEFORE, AFTER = 0, 1
 FIRST_FREE, GROWTH_FREE = 0.4, 3.0
 FIRST_CONTACT, GROWTH_CONTACT = 1.05, 1.7
 FEWEST = 3  # cells of a zone
-TINY = 0.02  # of a layer, below which a zone is one cell
 
 
 @dataclass(frozen=True)
@@ -245,9 +244,9 @@ def divided(
     ]
     wanted = [2.0 * _cells_to(0.5, *grading) for grading in gradings]
     share = 1.0 if elements is None else elements / sum(wanted)
-    for grading, count in zip(gradings, wanted, strict=True):
-        # In a zone that is tiny against the layer, a polynomial is exact, and rounding is the larger the more cells.
-        fewest = 1 if grading[0] * TINY > FIRST_CONTACT else FEWEST
+    for part, grading, count in zip(zones.parts, gradings, wanted, strict=True):
+        # A contact zone that is as short as a first cell is one: errors of tractions grow as cells get shorter.
+        fewest = min(FEWEST, math.ceil(1.0 / grading[0])) if part.touches else FEWEST
         counts.append(max(fewest, int(count * share)))
         nodes += itertools.pairwise(graded(*grading, counts[-1]))
     return meshed(zones, tuple(counts)), np.array(nodes)
