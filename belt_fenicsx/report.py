@@ -7,14 +7,19 @@ import html
 import io
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.scene_file import scene_to_dict
 from belt_fenicsx.solution import Contact, Solution, Status
 
+if TYPE_CHECKING:
+    from belt_fenicsx.sweeps import Sweep
+
 RESOLUTION = 80  # of a notebook's figure [dots per inch]
+SHOWN = 5  # rows of a sweep's table that a notebook shows, from its head and from its tail
 
 
 def as_json(solution: Solution) -> str:
@@ -49,8 +54,7 @@ def as_text(solution: Solution) -> str:
     if solution.zones:
         lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
         for zone in solution.zones:
-            name = f"{zone.slip} slip" if zone.slip else zone.kind
-            lines.append(f"{name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
+            lines.append(f"{zone.name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
         lines.append("")
     lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
     lines += [f"violated: {violation}" for violation in solution.violations]
@@ -95,7 +99,7 @@ def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
         ("run-off", f"{_place(contact.x_off, length)} m"),
         ("torque", f"{contact.torque:.10g} N m"),
         ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
-        ("zones", ", ".join(f"{zone.slip} slip" if zone.slip else zone.kind for zone in contact.zones)),
+        ("zones", ", ".join(zone.name for zone in contact.zones)),
     ]
 
 
@@ -112,6 +116,29 @@ def _html_figure(solution: Solution) -> str:
     figure.savefig(image, format="png", dpi=RESOLUTION)
     data = base64.b64encode(image.getvalue()).decode("ascii")
     return f'<img alt="The deformed belt on its pulley" src="data:image/png;base64,{data}">'
+
+
+def sweep_as_line(sweep: Sweep) -> str:
+    """A sweep in one line: how many scenes, over what, and how they ended."""
+    over = ""
+    if sweep.over is not None and sweep.values:
+        over = f" over {sweep.over} = {sweep.values[0]} ... {sweep.values[-1]}"
+    ends = Counter(solution.status.name for solution in sweep.solutions)
+    return f"<Sweep of {len(sweep.solutions)} scenes{over}: {', '.join(f'{n} {name}' for name, n in ends.items())}>"
+
+
+def sweep_as_html(sweep: Sweep) -> str:
+    """The head and the tail of a sweep's table."""
+    header, *rows = sweep.rows()
+    if len(rows) > 2 * SHOWN:
+        rows[SHOWN:-SHOWN] = [["..."] * len(header)]
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(_short(value))}</td>' for value in row)}</tr>" for row in rows)
+    return f"<div><p>{html.escape(sweep_as_line(sweep))}</p><table><tr>{head}</tr>{body}</table></div>"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
 def certificates(solutions: Sequence[Solution]) -> str:

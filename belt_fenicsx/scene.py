@@ -38,6 +38,10 @@ class SceneError(ValueError):
     def __str__(self) -> str:
         return f"`{self.field}` must {self.expected}, got {shown(self.got)}."
 
+    def __reduce__(self) -> tuple[type[SceneError], tuple[str, str, Verbatim]]:
+        # What was given may be anything, and need not travel to another process: its text does.
+        return SceneError, (self.field, self.expected, Verbatim(shown(self.got)))
+
     def within(self, path: str) -> SceneError:
         """The same error, with the field's path in front."""
         return SceneError(f"{path}.{self.field}", self.expected, self.got)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from belt_fenicsx.fields import Array
+from belt_fenicsx.fields import Array, same_values
 from belt_fenicsx.files import replaced
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import with_values
@@ -39,9 +39,11 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
     """The answers to a list of scenes.
+
+    Sweeps are equal that have equal values and solutions.
 
     Attributes:
         over: Path of the value that changes from scene to scene, as in ``"pulleys.0.x_trans"``; None for a list of
@@ -53,6 +55,22 @@ class Sweep:
     over: str | None
     values: tuple[Any, ...]
     solutions: tuple[Solution, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Sweep) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.over, self.solutions))
+
+    def __repr__(self) -> str:
+        from belt_fenicsx.report import sweep_as_line
+
+        return sweep_as_line(self)
+
+    def _repr_html_(self) -> str:
+        from belt_fenicsx.report import sweep_as_html
+
+        return sweep_as_html(self)
 
     @property
     def success(self) -> bool:
@@ -73,18 +91,27 @@ class Sweep:
             return np.array([getattr(solution, name) for solution in self.solutions])
         raise KeyError(name)
 
-    def csv(self) -> str:
-        """The table as comma-separated values, with units in its header."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
+    def rows(self) -> list[list[Any]]:
+        """The table's header, with units, and its rows."""
         columns = [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
-        writer.writerow([self.over or "scene", *columns, "error_estimate [-]", "iterations", "status"])
-        for value, solution in zip(self.values, self.solutions, strict=True):
-            quantities = [repr(_of_contact(solution, name)) for name in COLUMNS]
-            writer.writerow(
-                [value, *quantities, repr(solution.error_estimate), solution.iterations, solution.status.name]
-            )
-        return text.getvalue()
+        header = [self.over or "scene", *columns, "error_estimate [-]", "iterations", "status"]
+        return [header, *map(_row, self.values, self.solutions)]
+
+    def csv(self) -> str:
+        """The table as comma-separated values."""
+        return as_csv(self.rows())
+
+
+def _row(value: Any, solution: Solution) -> list[Any]:
+    quantities = [_of_contact(solution, name) for name in COLUMNS]
+    return [value, *quantities, solution.error_estimate, solution.iterations, solution.status.name]
+
+
+def as_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as comma-separated values."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _of_contact(solution: Solution, name: str) -> float:
@@ -214,7 +241,7 @@ def _solved_by_all(
                 for index in (missing[number] for number in chunk):
                     solution = _solved(wanted[index], last, call)
                     last = solution if solution.success else last
-                    mine[index] = _lean(solution, ranks, keep_fields)
+                    mine[index] = solution if keep_fields else _lean(solution)
                     solved(index, solution)
     except (Exception, KeyboardInterrupt) as caught:
         ranks.stop()
@@ -240,11 +267,9 @@ def _refused(scene: Scene, method: str, error: SceneError) -> Solution:
     return Solution(scene=scene, method=method, status=Status.REFUSED, message=str(error), stages=(stage,))
 
 
-def _lean(solution: Solution, ranks: OneProcess | Ranks, keep_fields: bool) -> Solution:
-    """The solution without what was not asked for, or cannot travel between ranks."""
-    if isinstance(ranks, Ranks):
-        solution = replace(solution, state=None, evaluator=None)
-    return solution if keep_fields else replace(solution, fields=None, state=None, evaluator=None)
+def _lean(solution: Solution) -> Solution:
+    """The solution without its fields."""
+    return replace(solution, fields=None, state=None, evaluator=None)
 
 
 def _write(result: Sweep, parts: Parts) -> None:

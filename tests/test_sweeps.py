@@ -142,6 +142,11 @@ def test_finite_elements_solve_each_scene_on_one_rank(comm):
     assert together["omega"] == pytest.approx(alone["omega"], rel=1e-8)
 
 
+def test_answers_of_other_ranks_know_their_fields_between_points(comm):
+    result = over_ranks(comm, solve)
+    assert [solution.evaluate(0.0).p[0] > 0.0 for solution in result.solutions] == [True] * len(MANY)
+
+
 def test_fewer_scenes_than_ranks(comm):
     assert sweep([Scene()], solver=quick, comm=comm)["omega"] == pytest.approx([1.4807092526], rel=1e-4)
     assert sweep([], solver=quick, comm=comm).solutions == ()
