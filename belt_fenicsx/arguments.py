@@ -18,6 +18,8 @@ PROGRAM = "belt-fenicsx"
 METHODS = ("fitted", "augmented-lagrangian", "bvp")
 SOLVE, SWEEP, CHECK = COMMANDS = ("solve", "sweep", "check")
 PLOT_SUFFIXES = (".pdf", ".png", ".svg")
+POSITION_SUFFIXES = (".txt", ".csv", ".npy")  # others need meshio
+SIDE_FILE = ".part.0000"  # the longest ending that a side file adds to a name
 MOST_VALUES = 1_000_000
 
 DESCRIPTION = """\
@@ -215,9 +217,9 @@ def _mesh(path: Path, args: argparse.Namespace) -> Path:
         raise SceneError("--mesh", expected, Verbatim(args.method or "none"))
     if args.elements is not None:
         raise SceneError("--mesh", "be left out with --elements", Verbatim(path))
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise SceneError("--mesh", "name a file that is there", str(path))
-    if path.suffix != ".txt" and find_spec("meshio") is None:
+    if path.suffix.lower() not in POSITION_SUFFIXES and find_spec("meshio") is None:
         raise Missing(f"--mesh needs meshio for a file {path.suffix}, which this Python lacks.")
     return path
 
@@ -225,9 +227,20 @@ def _mesh(path: Path, args: argparse.Namespace) -> Path:
 def _file(path: Path, option: str, suffixes: Sequence[str]) -> Path:
     if path.suffix.lower() not in suffixes:
         raise SceneError(option, f"name a file ending in {', '.join(suffixes)}", str(path))
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
+    if os.path.isdir(path) or not os.access(path.parent, os.W_OK):
         raise SceneError(option, "name a file in a folder that exists and can be written to", str(path))
+    _check_name(path.with_name(f"{path.name}{SIDE_FILE}"), option)
     return path
+
+
+def _check_name(path: Path, option: str) -> None:
+    """Refuses a name that no file can have, before anything is computed for it."""
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:
+        raise SceneError(option, "name a file that can be made", Verbatim(getattr(error, "strerror", error))) from None
 
 
 def _table(path: Path) -> Path:
@@ -242,6 +255,7 @@ def _plot(path: Path) -> Path:
 
 
 def _out(path: Path) -> Path:
+    _check_name(path, "--out")
     parent = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise SceneError("--out", "name a folder that can be written to", str(path))

@@ -154,7 +154,8 @@ def sweep(
         answers of an earlier call have no fields.
 
     Raises:
-        SceneError: A value does not make a scene, before any scene is solved; or the arguments do not fit together.
+        SceneError: A value does not make a scene, before any scene is solved; the arguments do not fit together; or
+            beside ``out`` there are rows of another sweep.
         OSError: The table, or what is kept beside it, cannot be written; on all ranks.
     """
     numbers, wanted = _wanted(scenes, over, values)
@@ -162,7 +163,7 @@ def sweep(
     ranks = ranks_of(comm)
     parts = None if out is None else Parts(Path(out), ranks.rank)
     names = [] if parts is None else keys(wanted, _asked(call))
-    known = {} if parts is None else ranks.on_first(parts.read)
+    known = {} if parts is None else ranks.on_first(functools.partial(parts.read_those, names))
     solutions = {index: known[name] for index, name in enumerate(names) if name in known}
     missing = [index for index in range(len(wanted)) if index not in solutions]
 

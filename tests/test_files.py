@@ -111,6 +111,70 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
 
 
 @serial
+def test_a_link_leads_no_file_astray(tmp_path, monkeypatch):
+    victim, path = tmp_path / "victim", tmp_path / "result.txt"
+    victim.write_text("old")
+    path.symlink_to(victim)
+    with replaced(path) as partial:
+        partial.write_text("new")
+    assert (victim.read_text(), path.read_text(), path.is_symlink()) == ("old", "new", False)
+
+    monkeypatch.setattr("secrets.token_hex", lambda count: "known")
+    (tmp_path / ".known.txt").symlink_to(victim)
+    with pytest.raises(FileExistsError), replaced(path):
+        pass
+    assert victim.read_text() == "old"
+
+
+@serial
+def test_files_are_as_readable_as_others(tmp_path):
+    (tmp_path / "other").touch()
+    with replaced(tmp_path / "result.txt") as partial:
+        partial.write_text("new")
+    assert (tmp_path / "result.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@serial
+@pytest.mark.parametrize("length", [250, 300])
+def test_long_names(length, tmp_path, capsys):
+    path = tmp_path / ("a" * (length - 4) + ".csv")
+    sweep = ["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=0,0.1", "--out", str(path)]
+    for argv in (sweep, ["--method", "bvp", "--out", str(path)]):
+        if length == 250 and argv[0] != "sweep":
+            continue
+        assert cli.main(argv) == 2
+        assert "`--out` must name a file that can be made, got File name too long" in capsys.readouterr().err
+
+
+@serial
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("p", lambda p: p[:-1], "fields.p"),
+        ("r", lambda r: r[:, :1], "fields.r"),
+        ("zone", lambda zone: zone + 4, "fields.zone"),
+        ("zone", lambda zone: zone.astype(float), "fields.zone"),
+        ("M", lambda M: M.astype(str), "fields.M"),
+        ("p", None, "fields"),
+        ("solution", lambda text: str(text).replace('"iterations": ', '"iterations": "3", "x": '), "solution"),
+        ("solution", lambda text: str(text).replace("SOLVED", "SOVLED"), "solution"),
+        ("solution", lambda text: str(text).replace("stick", 'stick", "more": "'), "solution"),
+        ("solution", lambda text: "[" * 100_000, "RecursionError"),
+    ],
+)
+def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, tmp_path):
+    solution.save(tmp_path / "result.npz")
+    with np.load(tmp_path / "result.npz") as file:
+        content = dict(file)
+    content.update({name: change(content[name])} if change else {})
+    if change is None:
+        del content[name]
+    np.savez(tmp_path / "other.npz", **content)
+    with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
+        load(tmp_path / "other.npz")
+
+
+@serial
 def test_command_line_writes_the_folder(tmp_path, capsys):
     assert cli.main(["--method", "bvp", "--out", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "result.npz").exists()

@@ -218,7 +218,7 @@ def test_a_sweep_that_was_stopped_goes_on_where_it_was(comm, shared, broken):
 
 
 def quick_again(called):
-    def solver(scene, *, initial, throw, rtol):
+    def solver(scene, *, initial, throw, rtol=1e-4):
         called.append(scene)
         return quick(scene, initial=initial, rtol=rtol)
 
@@ -237,11 +237,35 @@ def test_other_arguments_are_another_sweep(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         over_ranks(None, interrupted, out=table, rtol=1e-4)
-    (line,) = filter(None, (tmp_path / "table.csv.part.0").read_text().splitlines())
+    side = tmp_path / "table.csv.part.0"
+    (line,) = filter(None, side.read_text().splitlines())
     assert json.loads(line)["solution"]["status"] == "SOLVED"
+    with pytest.raises(SceneError, match=f"remove {side}.*got 1 answers to other"):
+        over_ranks(None, quick, out=table, rtol=1e-5)
+    assert side.exists()
+    side.unlink()
     again = []
     over_ranks(None, quick_again(again), out=table, rtol=1e-5)
     assert len(again) == len(MANY)
+
+
+@pytest.mark.serial
+def test_a_sweep_may_grow(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        over_ranks(None, failing_at(MANY[2]), out=tmp_path / "table.csv")
+    again = []
+    more = (*MANY, 0.15)
+    arguments = {"over": "pulleys.0.x_trans", "solver": quick_again(again), "out": tmp_path / "table.csv"}
+    assert len(sweep(Scene(), values=more, **arguments).solutions) == len(more) == len(again) + 2
+
+
+def failing_at(place):
+    def solver(scene, *, initial, throw, rtol=1e-4):
+        if scene.pulleys[0].x_trans == place:
+            raise ZeroDivisionError
+        return quick(scene, initial=initial)
+
+    return solver
 
 
 @pytest.mark.serial
