@@ -65,6 +65,10 @@ class Parts:
         stem = f"{self.table.name}.part."
         return sorted(path for path in self.table.parent.iterdir() if path.name.startswith(stem))
 
+    def names(self) -> str:
+        """The side files that there are, as a list to read."""
+        return ", ".join(map(str, self._all()))
+
     def read(self) -> dict[str, Solution]:
         """The answers that earlier runs left, without their fields. A line that was cut off is left out."""
         return dict(answer for path in self._all() for answer in _answers(path))
@@ -78,8 +82,7 @@ class Parts:
         answers = self.read()
         others = len(answers.keys() - set(names))
         if others:
-            files = ", ".join(str(path) for path in self._all())
-            expected = f"name a table without rows of another sweep beside it (finish that one, or remove {files})"
+            expected = f"name a table without rows of another sweep beside it (finish that, or remove {self.names()})"
             raise SceneError("out", expected, Verbatim(f"{others} answers to other scenes, arguments or options"))
         return answers
 
