@@ -25,16 +25,17 @@ class Held:
 
     def __init__(self, handlers: dict[signal.Signals, Callable[..., Any]]) -> None:
         self.handlers = handlers
-        self._came: tuple[int, FrameType | None] | None = None
+        self._came: signal.Signals | None = None
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        self._came = number, frame
+        # Not the frame, which would keep PETSc's objects of a callback alive for longer than PETSc itself.
+        self._came = signal.Signals(number)
 
     def deliver(self) -> None:
         """Hands a signal that came to its own handler."""
         if self._came is not None:
-            (number, frame), self._came = self._came, None
-            self.handlers[signal.Signals(number)](number, frame)
+            number, self._came = self._came, None
+            self.handlers[number](number, None)
 
 
 @contextlib.contextmanager
