@@ -36,7 +36,7 @@ from belt_fenicsx.arguments import (
     parsed,
 )
 from belt_fenicsx.collective import on_first
-from belt_fenicsx.errors import NotCompiled
+from belt_fenicsx.errors import CACHE_VARIABLE, NotCompiled
 from belt_fenicsx.scene import Scene, SceneError, Verbatim, printable
 from belt_fenicsx.scene_file import left_out, parse_data, read_data, scene_from_dict, with_values
 
@@ -168,6 +168,9 @@ def _solver(args: argparse.Namespace, petsc: list[str], method: str | None) -> S
         options["mesh"] = read_positions(args.mesh)
     if find_spec("petsc4py") is None or find_spec("dolfinx") is None:
         raise Missing(f"DOLFINx is needed, but {sys.executable} lacks it; --method bvp runs without.")
+    # DOLFINx would take an empty or relative one for a folder here, and load code from it.
+    if not os.path.isabs(os.environ.get(CACHE_VARIABLE, os.sep)):
+        del os.environ[CACHE_VARIABLE]
     with interrupts.held():
         import petsc4py
 
