@@ -76,6 +76,7 @@ def as_text(solution: Solution) -> str:
         lines.append("")
     lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
     lines += [f"violated: {violation}" for violation in solution.violations]
+    lines += [f"hint: {hint}" for hint in solution.hints]
     if not math.isnan(solution.error_estimate):
         lines.append(f"estimated relative error of omega: {solution.error_estimate:.1e}")
     if solution.stages:
@@ -99,7 +100,7 @@ def as_line(solution: Solution) -> str:
 def as_html(solution: Solution) -> str:
     """The solution as a table and, where Matplotlib is there, a small figure of the deformed belt, in one piece."""
     mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
-    sentences = (solution.status.value, solution.message, *solution.violations)
+    sentences = (solution.status.value, solution.message, *solution.violations, *solution.hints)
     text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
     rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
     rows += [("method", solution.method), ("iterations", str(solution.iterations))]

@@ -30,6 +30,10 @@ class Status(enum.Enum):
     CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
 
 
+# Ends of an iteration that say nothing of their reason.
+BLIND = (Status.NEWTON_DIVERGED, Status.MULTIPLIERS_DIVERGED, Status.CONTACT_LOST)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Zone:
     """A part of the belt with one contact state.
@@ -238,6 +242,15 @@ class Solution:
         return tuple(str(check) for check in self.checks if not check.holds)
 
     @property
+    def hints(self) -> tuple[str, ...]:
+        """What is unusual about the scene, in sentences, where the iteration failed and cannot say why."""
+        if self.status not in BLIND:
+            return ()
+        from belt_fenicsx.hints import hints
+
+        return hints(self.scene)
+
+    @property
     def timings(self) -> Mapping[str, float]:
         """Wall time of the stages that ran, by name; stages of one name together [s]."""
         times: dict[str, float] = {}
@@ -321,6 +334,7 @@ class Solution:
             "success": self.success,
             "admissible": self.admissible,
             "violations": list(self.violations),
+            "hints": list(self.hints),
             "omega": self.contacts[0].omega if len(self.contacts) == 1 else None,
             "contacts": contacts,
             "zones": [_zone_summary(zone) for zone in self.zones],
@@ -349,7 +363,8 @@ class SolveError(RuntimeError):
         super().__init__(solution)
 
     def __str__(self) -> str:
-        parts = (self.solution.status.value, self.solution.message, *self.solution.violations)
+        solution = self.solution
+        parts = (solution.status.value, solution.message, *solution.violations, *solution.hints)
         return " ".join(part for part in parts if part)
 
 

@@ -46,6 +46,17 @@ def test_a_list_of_scenes_is_solved_in_its_order(table):
     assert sweep(scenes, solver=bvp.solve)["omega"] == pytest.approx(table["omega"][::-1], rel=1e-8)
 
 
+def test_several_values_at_once():
+    paths, values = ("pulleys.0.friction", "pulleys.0.x_trans"), tuple(itertools.product((0.2, 0.3), (0.0, 0.1)))
+    table = sweep(Scene(), over=list(paths), values=values, solver=quick)
+    pulleys = [solution.scene.pulleys[0] for solution in table.solutions]
+    assert [(pulley.friction, pulley.x_trans) for pulley in pulleys] == list(values)
+    head, *rows = csv.reader(io.StringIO(table.csv()))
+    assert tuple(head[:2]) == paths == table.over
+    assert [tuple(map(float, row[:2])) for row in rows] == list(values)
+    assert repr(table).startswith("<Sweep of 4 scenes over pulleys.0.friction, pulleys.0.x_trans = (0.2, 0.0) ... ")
+
+
 def test_csv_reads_back(table):
     head, *rows = csv.reader(io.StringIO(table.csv()))
     assert head[:3] == ["pulleys.0.x_trans", "omega [rad/s]", "x_up [m]"]
@@ -88,6 +99,8 @@ def test_a_warm_start_that_fails_is_followed_by_a_cold_one():
         ([Scene()], "pulleys.0.x_trans", (0.0,), "over"),
         (Scene(), "pulleys.0.frictoin", (0.1,), "pulleys.0.frictoin"),
         (Scene(), "pulleys.0.friction", (0.1, -0.1), "pulleys.0.friction"),
+        (Scene(), ("span", "pulleys.0.friction"), ((1.0, 0.1), (1.0,)), "values"),
+        (Scene(), ("span", "pulleys.0.friction"), (1.0, 0.1), "values"),
     ],
 )
 def test_bad_arguments(scenes, over, values, field):
@@ -160,6 +173,15 @@ def test_an_error_on_one_rank_is_raised_on_all(comm):
 
     with pytest.raises(ZeroDivisionError, match="on one rank"):
         over_ranks(comm, solver)
+
+
+def test_the_end_of_one_rank_is_that_of_all(comm):
+    def told(index, solution):
+        if index == 0:
+            raise SystemExit(7)
+
+    with pytest.raises(SystemExit, match="7"):
+        over_ranks(comm, on_solved=told)
 
 
 def test_an_error_that_cannot_travel_keeps_its_name(comm):
