@@ -147,12 +147,16 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
             checks=_read("tuple[Check, ...]", plain["checks"]),
             iterations=_read("int", plain["iterations"]),
             error_estimate=_read("float", plain["error_estimate"]),
-            field_errors={name: _read("float", value) for name, value in _table(plain["field_errors"], "").items()},
             stages=_read("tuple[Stage, ...]", plain["stages"]),
-            measures={name: _read("float", value) for name, value in _table(plain["measures"], "measures").items()},
+            field_errors=_numbers(plain, "field_errors"),
+            measures=_numbers(plain, "measures"),
         )
     except KeyError as error:
         raise SceneError("solution", "have all that belongs to it", Verbatim(f"no {error}")) from None
+
+
+def _numbers(plain: Mapping[str, Any], name: str) -> dict[str, float]:
+    return {key: _read("float", value) for key, value in _table(plain[name], name).items()}
 
 
 def _table(value: Any, name: str) -> Mapping[str, Any]:

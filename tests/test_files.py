@@ -1,6 +1,7 @@
 """Files: what is written comes back, and nothing is left half-written."""
 
 import csv
+import dataclasses
 import io
 import json
 from dataclasses import replace
@@ -12,7 +13,7 @@ from mpi4py import MPI
 
 from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene, solve
 from belt_fenicsx import augmented_lagrangian as fixed
-from belt_fenicsx.files import export, fields_csv, load, replaced, save, write_centreline
+from belt_fenicsx.files import export, fields_csv, load, replaced, save, to_plain, write_centreline
 
 serial = pytest.mark.serial
 
@@ -38,6 +39,13 @@ def test_a_failed_solution_comes_back_too(tmp_path):
     save(failed, tmp_path / "failed.npz")
     again = load(tmp_path / "failed.npz")
     assert (again.status, again.message, again.fields) == (failed.status, failed.message, None)
+
+
+@serial
+def test_every_part_of_a_solution_is_kept(solution):
+    """Whatever a solution gains: what compares has to come back."""
+    left_aside = {"fields", "state", "evaluator"}
+    assert set(to_plain(solution)) == {f.name for f in dataclasses.fields(Solution)} - left_aside
 
 
 @serial
