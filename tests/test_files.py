@@ -4,7 +4,9 @@ import csv
 import dataclasses
 import io
 import json
+import struct
 from dataclasses import replace
+from zipfile import ZipFile
 
 import meshio
 import numpy as np
@@ -179,6 +181,23 @@ def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, 
         del content[name]
     np.savez(tmp_path / "other.npz", **content)
     with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
+        load(tmp_path / "other.npz")
+
+
+@serial
+def test_checksums_are_compared(solution, tmp_path):
+    changed = dataclasses.replace(solution.fields, p=solution.fields.p * 1.001)
+    solution.save(tmp_path / "one.npz")
+    replace(solution, fields=changed).save(tmp_path / "other.npz")
+    content, sums = (tmp_path / "other.npz").read_bytes(), []
+    for name in ("one.npz", "other.npz"):
+        with ZipFile(tmp_path / name) as archive:
+            sums.append(struct.pack("<L", archive.getinfo("p.npy").CRC))
+    assert load(tmp_path / "other.npz").fields == changed
+    (tmp_path / "other.npz").write_bytes(content.replace(sums[1], sums[0]))
+    with pytest.raises(
+        SceneError, match="`path` must name a file that `save` wrote .*`p.npy` must be as it was written"
+    ):
         load(tmp_path / "other.npz")
 
 
