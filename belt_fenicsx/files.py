@@ -69,8 +69,10 @@ def save(solution: Solution, path: str | Path) -> None:
     path = Path(path)
     if path.suffix != ".npz":
         raise SceneError("path", "end in .npz", str(path))
+    arrays = _arrays(solution.fields)
+    text = json.dumps({**to_plain(solution), "arrays": [*arrays]})
     with replaced(path) as partial, open(partial, "wb") as file:
-        np.savez_compressed(file, solution=json.dumps(to_plain(solution)), **_arrays(solution.fields))
+        np.savez_compressed(file, solution=text, **arrays)
 
 
 def load(path: str | Path) -> Solution:
@@ -87,6 +89,11 @@ def load(path: str | Path) -> Solution:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         plain = json.loads(str(arrays.pop("solution")))
+        # The list of an archive's members has no checksum: what it leaves out looks as if it had not been there.
+        if arrays.keys() != set(plain["arrays"]):
+            raise SceneError(
+                "arrays", f"be {', '.join(plain['arrays']) or 'none'}", Verbatim(", ".join(arrays) or "none")
+            )
         return from_plain(plain, _fields(arrays) if arrays else None)
     # A damaged archive, array or text has many ways to fail in the readers of Python and NumPy.
     except Exception as error:

@@ -165,7 +165,8 @@ def test_long_names(length, tmp_path, capsys):
         ("zone", lambda zone: zone + 4, "fields.zone"),
         ("zone", lambda zone: zone.astype(float), "fields.zone"),
         ("M", lambda M: M.astype(str), "fields.M"),
-        ("p", None, "fields"),
+        ("p", None, "arrays"),
+        ("solution", lambda text: str(text).replace('"f", ', ""), "arrays"),
         ("solution", lambda text: str(text).replace('"iterations": ', '"iterations": "3", "x": '), "solution"),
         ("solution", lambda text: str(text).replace("SOLVED", "SOVLED"), "solution"),
         ("solution", lambda text: str(text).replace("stick", 'stick", "more": "'), "solution"),
@@ -182,6 +183,17 @@ def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, 
     np.savez(tmp_path / "other.npz", **content)
     with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
         load(tmp_path / "other.npz")
+
+
+@serial
+def test_a_list_of_members_that_is_cut_off_is_no_solution_without_fields(solution, tmp_path):
+    solution.save(tmp_path / "result.npz")
+    content = bytearray((tmp_path / "result.npz").read_bytes())
+    # The length of the comment to the first member, in the list of members, which then takes the others for it.
+    content[content.index(b"PK\x01\x02") + 33] = 0x80
+    (tmp_path / "result.npz").write_bytes(content)
+    with pytest.raises(SceneError, match="`arrays` must be zone, weight, .* got none"):
+        load(tmp_path / "result.npz")
 
 
 @serial
