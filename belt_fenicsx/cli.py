@@ -295,7 +295,8 @@ def _kept(args: argparse.Namespace) -> str:
     from belt_fenicsx.sweep_parts import Parts
 
     parts = Parts(args.out, 0)
-    return f"{len(parts.read())} finished rows are kept in {parts.names()}; the same command goes on from there."
+    rows = len(parts.read())
+    return f"{rows} finished rows are kept in {parts.names()}; the same command goes on from there." if rows else ""
 
 
 def _checked(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
@@ -370,7 +371,7 @@ def _complain(text: object, code: int) -> int:
 
 def _interrupted(error: KeyboardInterrupt) -> int:
     word, code = ("terminated", TERMINATED) if isinstance(error, Terminated) else ("interrupted", INTERRUPTED)
-    return _complain(" ".join([f"{word}.", *getattr(error, "__notes__", [])]), code)
+    return _complain(" ".join([f"{word}.", *getattr(error, "__notes__", [])]).rstrip(), code)
 
 
 def _unwritten(error: OSError) -> str:
