@@ -8,20 +8,37 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
+import errno
 import functools
+import json
 import logging
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from belt_fenicsx.arguments import CHECK, PROGRAM, SOLVE, SWEEP, Missing, UsageError, parsed
-from belt_fenicsx.errors import NotCompiled
-from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.scene_file import load_scene, with_values
+from belt_fenicsx import interrupts
+from belt_fenicsx.arguments import (
+    CHECK,
+    KNOWN_OPTIONS,
+    PROGRAM,
+    SOLVE,
+    SWEEP,
+    Missing,
+    UsageError,
+    information,
+    parsed,
+)
+from belt_fenicsx.collective import on_first
+from belt_fenicsx.errors import CACHE_VARIABLE, NotCompiled
+from belt_fenicsx.scene import Scene, SceneError, Verbatim, printable
+from belt_fenicsx.scene_file import left_out, parse_data, read_data, scene_from_dict, with_values
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -32,51 +49,117 @@ if TYPE_CHECKING:
     Report = Callable[[], int]
 
 RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
-SOLVED, FAILED, BAD_INPUT, NOT_CONVERGED, NOT_ADMISSIBLE, INTERRUPTED = 0, 1, 2, 3, 4, 130
+SOLVED, FAILED, BAD_INPUT, NOT_CONVERGED, NOT_ADMISSIBLE = 0, 1, 2, 3, 4
+# As a shell names the end by SIGINT, SIGPIPE and SIGTERM.
+INTERRUPTED, NO_READER, TERMINATED = 130, 141, 143
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a solve as Ctrl-C does."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line.
 
     Args:
-        argv: Arguments without the program's name; those of the process by default.
+        argv: Arguments without the program's name. Without them it is the program, with those of the process, whose
+            standard streams and end it then takes care of.
 
     Returns:
         The exit code, the same on all ranks.
     """
+    if argv is not None:
+        return _ended(list(argv))
+    _open_standard_streams()
+    signal.signal(signal.SIGTERM, _terminate)
+    code = _ended(sys.argv[1:])
+    # From here on there is nothing to be kept.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+    if code in (INTERRUPTED, TERMINATED):
+        # Other ranks may not be at an end, for which MPI's own end would wait.
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            with contextlib.suppress(OSError):
+                stream.flush()
+        os._exit(code)
+    return code
+
+
+def _ended(argv: list[str]) -> int:
+    """Runs the command line; what is raised becomes a complaint and an exit code."""
     try:
-        return _run(sys.argv[1:] if argv is None else list(argv))
+        return _run(argv)
     except (SceneError, UsageError) as error:
         return _complain(error, BAD_INPUT)
     except (Missing, NotCompiled) as error:
         return _complain(error, FAILED)
-    except KeyboardInterrupt:
-        return _complain("interrupted.", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return _interrupted(error)
+    except BrokenPipeError:
+        return NO_READER
     except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
         _abort_other_ranks()
         raise
 
 
+def _open_standard_streams() -> None:
+    """Opens closed standard streams on nothing, lest the next file that is opened takes their place."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated
+
+
 def _run(argv: list[str]) -> int:
+    text = information(argv)
+    if text is not None:
+        return _told(functools.partial(_shown, text)) if _rank() == 0 else SOLVED
     args, petsc = parsed(argv)
-    scene = with_values(load_scene(args.scene) if args.scene else Scene(), args.set)
+    scene = _scene(args)
     _configure_logging(args.verbose)
-    report = {SOLVE: _solved, SWEEP: _swept, CHECK: _checked}[args.command](scene, args, _solver(args, petsc))
+    report = {SOLVE: _solved, SWEEP: _swept, CHECK: _checked}[args.command](scene, args, petsc)
     return _agreed(_told(report) if _rank() == 0 else 0)
+
+
+def _scene(args: argparse.Namespace) -> Scene:
+    """The scene that is asked for. What its file leaves out is told, and kept in ``args.left_out``."""
+    if args.scene is None:
+        args.left_out = None
+        return with_values(Scene(), args.set)
+    data = parse_data(_standard_input(), "-") if args.scene == "-" else read_data(args.scene)
+    scene = with_values(scene_from_dict(data), args.set)
+    args.left_out = left_out(scene, data, [*args.set, *(args.over if args.command == SWEEP else ())])
+    if args.left_out:
+        values = ", ".join(f"{path} = {value}" for path, value in args.left_out.items())
+        _complain(printable(f"{args.scene} leaves out what the published scene has: {values}."), SOLVED)
+    return scene
+
+
+def _standard_input() -> bytes:
+    """What comes in at the first rank, on all ranks."""
+    ranks = _ranks()
+    if sys.stdin is None:
+        raise SceneError("-", "be an open standard input", Verbatim("a closed one"))
+    return sys.stdin.buffer.read() if ranks is None else on_first(ranks, sys.stdin.buffer.read)
 
 
 # How it is solved
 
 
-def _solver(args: argparse.Namespace, petsc: list[str]) -> Solver:
-    """The method that was asked for, with its options; nothing is imported before it is needed."""
+def _solver(args: argparse.Namespace, petsc: list[str], method: str | None) -> Solver:
+    """A method with its options; nothing is imported before it is needed."""
     options: dict[str, Any] = {"rtol": args.rtol, "throw": False}
-    if args.method == "bvp":
+    if method == "bvp":
         from belt_fenicsx import bvp
 
         return functools.partial(bvp.solve, **options)
-    if args.method is not None:
-        options["method"] = args.method
+    if method is not None:
+        options["method"] = method
     if args.elements is not None:
         options["elements"] = args.elements
     if args.mesh is not None:
@@ -85,23 +168,52 @@ def _solver(args: argparse.Namespace, petsc: list[str]) -> Solver:
         options["mesh"] = read_positions(args.mesh)
     if find_spec("petsc4py") is None or find_spec("dolfinx") is None:
         raise Missing(f"DOLFINx is needed, but {sys.executable} lacks it; --method bvp runs without.")
-    import petsc4py
+    # DOLFINx would take an empty or relative one for a folder here, and load code from it.
+    if not os.path.isabs(os.environ.get(CACHE_VARIABLE, os.sep)):
+        del os.environ[CACHE_VARIABLE]
+    with interrupts.held():
+        import petsc4py
 
-    # PETSc reads its options when it starts, which is when DOLFINx is imported. A closed pipe is for Python to notice.
-    petsc4py.init([PROGRAM, "-no_signal_handler", *petsc])
-    from belt_fenicsx.solver import solve
+        # PETSc reads its options when it starts, which is when DOLFINx is imported. A closed pipe is for Python to
+        # notice.
+        petsc4py.init([PROGRAM, "-no_signal_handler", *petsc])
+        from belt_fenicsx.solver import solve
 
     return functools.partial(solve, **options)
 
 
-def _solved(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
-    solution = solver(scene)
+def _check_used(petsc: list[str], solution: Solution) -> None:
+    """Refuses options that no solver has asked for; each knows its own alone.
+
+    Raises:
+        UsageError: There is one.
+    """
+    if not petsc or not solution.iterations:
+        return
+    from belt_fenicsx.petsc_options import PREFIX, unused
+
+    for name in unused():
+        near = difflib.get_close_matches(name, KNOWN_OPTIONS, n=1)
+        hint = f", perhaps `-{PREFIX}{near[0]}`" if near else ""
+        raise UsageError(f"`-{PREFIX}{name}` must be an option of the solvers of the method {solution.method}{hint}")
+
+
+def _shown(text: str) -> int:
+    _print(text)
+    return SOLVED
+
+
+def _solved(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
+    solution = _solver(args, petsc, args.method)(scene)
+    _check_used(petsc, solution)
 
     def report() -> int:
         from belt_fenicsx.report import as_json, as_text
 
-        _print(as_json(solution) if args.json else as_text(solution))
-        if args.plot is not None and solution.fields is not None:
+        _print(as_json(solution, args.left_out) if args.json else as_text(solution))
+        if args.plot is not None and solution.fields is None:
+            _complain(f"{args.plot} was not drawn: the solve left no fields to be shown.", SOLVED)
+        elif args.plot is not None:
             _plot(solution, args.plot)
         if args.out is not None:
             from belt_fenicsx.files import export
@@ -112,37 +224,90 @@ def _solved(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
     return report
 
 
-def _swept(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
+def _swept(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
+    solver = _solver(args, petsc, args.method)
     from belt_fenicsx.sweeps import sweep
 
-    asked = {"over": args.over, "values": args.values, "solver": solver, "out": args.out}
+    table = _Table(args.over, args.json)
+    ranks = _ranks()
+    # Rows of other ranks are known at the end.
+    told_at_once = args.out is None and ranks is None
+
+    def solved(index: int, solution: Solution) -> None:
+        _check_used(petsc, solution)
+        if told_at_once:
+            table.tell(args.values[index], solution)
+
+    asked = {"over": args.over, "values": args.values, "solver": solver, "out": args.out, "on_solved": solved}
     try:
-        with _progress(args.progress) as progress:
-            result = sweep(scene, **asked, comm=_ranks(), keep_fields=False, progress=progress)
+        with _progress(args.progress, told_at_once) as progress:
+            result = sweep(scene, **asked, comm=ranks, keep_fields=False, progress=progress)
+    except KeyboardInterrupt as error:
+        error.add_note(_kept(args))
+        raise
+    except BrokenPipeError:
+        raise
     except OSError as error:
         # Raised on all ranks, which need not be aborted.
-        raise Missing(f"the result could not be written: {error.strerror or error}.") from None
+        raise Missing(_unwritten(error)) from None
 
     def report() -> int:
-        if args.out is None:
-            _print(result.csv().rstrip("\n"))
-        else:
+        if args.out is not None:
             solved = sum(solution.success for solution in result.solutions)
-            _print(f"{args.out}: {len(result.solutions)} scenes, {solved} solved")
+            ends = {"table": str(args.out), "scenes": len(result.solutions), "solved": solved}
+            _print(json.dumps(ends) if args.json else f"{args.out}: {len(result.solutions)} scenes, {solved} solved")
+        elif not told_at_once:
+            for values, solution in zip(result.values, result.solutions, strict=True):
+                table.tell(values, solution)
         return max(map(_exit_code, result.solutions))
 
     return report
 
 
-def _checked(scene: Scene, args: argparse.Namespace, solver: Solver) -> Report:
-    from belt_fenicsx import bvp
+class _Table:
+    """A sweep's table, told row by row.
 
-    solutions = (solver(scene), bvp.solve(scene, rtol=args.rtol, throw=False))
+    Args:
+        over: What changes from row to row.
+        as_json: Whether a row is an object.
+    """
+
+    def __init__(self, over: tuple[str, ...], as_json: bool) -> None:
+        self._over, self._as_json, self._begun = over, as_json, False
+
+    def tell(self, values: tuple[Any, ...], solution: Solution) -> None:
+        """Prints a row, the first one after the header."""
+        from belt_fenicsx.report import row_as_json
+        from belt_fenicsx.sweeps import as_csv, header, row
+
+        if self._as_json:
+            _print(row_as_json(dict(zip(self._over, values, strict=True)), solution))
+            return
+        rows = [row(values, solution)] if self._begun else [header(self._over), row(values, solution)]
+        self._begun = True
+        _print(as_csv(rows).rstrip("\n"))
+
+
+def _kept(args: argparse.Namespace) -> str:
+    """What an interrupted sweep leaves."""
+    if args.out is None:
+        return "Finished rows are kept with --out."
+    from belt_fenicsx.sweep_parts import Parts
+
+    parts = Parts(args.out, 0)
+    rows = len(parts.read())
+    return f"{rows} finished rows are kept in {parts.names()}; the same command goes on from there." if rows else ""
+
+
+def _checked(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
+    methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
+    solutions = [_solver(args, petsc, method)(scene) for method in methods]
+    _check_used(petsc, solutions[0])
 
     def report() -> int:
-        from belt_fenicsx.report import certificates
+        from belt_fenicsx.report import certificates, certificates_as_json
 
-        _print(certificates(solutions))
+        _print(certificates_as_json(solutions, args.left_out) if args.json else certificates(solutions))
         return max(map(_exit_code, solutions))
 
     return report
@@ -198,26 +363,39 @@ def _agreed(code: int) -> int:
 # What is told
 
 
-def _complain(error: object, code: int) -> int:
-    if _rank() == 0:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
+def _complain(text: object, code: int) -> int:
+    if _rank() == 0 and sys.stderr is not None:
+        print(f"{PROGRAM}: {text}", file=sys.stderr)
     return code
+
+
+def _interrupted(error: KeyboardInterrupt) -> int:
+    word, code = ("terminated", TERMINATED) if isinstance(error, Terminated) else ("interrupted", INTERRUPTED)
+    return _complain(" ".join([f"{word}.", *getattr(error, "__notes__", [])]).rstrip(), code)
+
+
+def _unwritten(error: OSError) -> str:
+    return f"the result could not be written: {error.strerror or error}."
 
 
 def _told(report: Report) -> int:
     """Runs a report on rank 0; raises nothing that the other ranks would wait for."""
     try:
         return report()
+    except BrokenPipeError:
+        return NO_READER
     except OSError as error:
-        return _complain(f"the result could not be written: {error.strerror or error}.", FAILED)
-    except KeyboardInterrupt:
-        return _complain("interrupted.", INTERRUPTED)
+        return _complain(_unwritten(error), FAILED)
+    except KeyboardInterrupt as error:
+        return _interrupted(error)
 
 
 @contextlib.contextmanager
-def _progress(forced: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """What shows a sweep's progress on rank 0: one line on a terminal, nothing elsewhere unless forced."""
-    if _rank() > 0 or find_spec("tqdm") is None:
+def _progress(forced: bool, rows_are_told: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """What shows a sweep's progress on rank 0: one line on a terminal that shows no rows, nothing elsewhere, unless
+    forced."""
+    rows_are_seen = rows_are_told and sys.stdout is not None and sys.stdout.isatty()
+    if _rank() > 0 or find_spec("tqdm") is None or (rows_are_seen and not forced):
         yield None
         return
     from tqdm import tqdm
@@ -238,6 +416,8 @@ def _exit_code(solution: Solution) -> int:
 
 
 def _print(text: str) -> None:
+    if sys.stdout is None:
+        raise OSError(errno.EBADF, "standard output is closed")
     try:
         print(text, flush=True)
     except OSError:

@@ -17,11 +17,12 @@ T = TypeVar("T")
 
 def on_first(comm: MPI.Comm, call: Callable[[], T]) -> T:
     """What the call returns on rank 0, on all ranks; its error, too."""
-    result, error = None, None
+    result: T | None = None
+    error: BaseException | None = None
     if comm.rank == 0:
         try:
             result = call()
-        except Exception as caught:  # raised again on all ranks, which would wait for this one
+        except BaseException as caught:  # raised again on all ranks, which would wait for this one
             error = caught
     raise_first(comm, error)
     return comm.bcast(result, root=0)

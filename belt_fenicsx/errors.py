@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from pathlib import Path
+
+CACHE_VARIABLE = "XDG_CACHE_HOME"
+LONGEST = 400  # characters of what went wrong
 
 
 class NotCompiled(RuntimeError):
@@ -12,7 +14,7 @@ class NotCompiled(RuntimeError):
 
 
 @contextlib.contextmanager
-def compiling(cache: Path | None = None) -> Iterator[None]:
+def compiling() -> Iterator[None]:
     """Turns what FFCx raises for a compiler or a folder that fails into an error that says so.
 
     Raises:
@@ -22,10 +24,12 @@ def compiling(cache: Path | None = None) -> Iterator[None]:
 
     try:
         yield
+    except NotCompiled:
+        raise
     except (OSError, ImportError, VerificationError, RuntimeError) as error:
         # As which DOLFINx raises the others again, on several ranks.
         if isinstance(error, RuntimeError) and "compilation" not in str(error):
             raise
-        where = f" into {cache}" if cache else ""
-        problem = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        raise NotCompiled(f"the forms could not be compiled{where} ({problem})") from error
+        problem = " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
+        place = f"compiled forms are kept where {CACHE_VARIABLE} says, in ~/.cache by default"
+        raise NotCompiled(f"the forms could not be compiled ({problem}); {place}") from error

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +41,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fields:
     """Fields along the belt, sorted by ``sigma``; a border of zones appears once for each side.
+
+    Fields are equal that have equal values at equal points.
 
     Attributes:
         zone: Index into the solution's zones ``(n,)``.
@@ -77,6 +80,17 @@ class Fields:
     p: Array
     f: Array
     v_rel: Array
+
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Fields) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sigma.shape)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f.name for f in fields(self))
+        ends = f"sigma = {self.sigma[0]:.6g} ... {self.sigma[-1]:.6g} m" if self.sigma.size else "no sigma"
+        return f"<Fields at {self.sigma.size} points, {ends}: {names}>"
 
     @property
     def x(self) -> Array:
@@ -131,6 +145,19 @@ class Fields:
 def vectors(places: Array) -> Array:
     """Points of the complex plane ``(m,)`` as vectors ``(m, 2)``."""
     return places.view(float).reshape(-1, 2)
+
+
+def same_values(one: Any, other: Any) -> bool:
+    """Whether two values are equal: arrays as a whole, dataclasses by what they compare, and NaN equal to itself."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    if is_dataclass(one) and type(one) is type(other):
+        return all(same_values(getattr(one, f.name), getattr(other, f.name)) for f in fields(one) if f.compare)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same_values, one, other))
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(same_values(value, other[name]) for name, value in one.items())
+    return bool(one == other or (one != one and other != other))
 
 
 def simpson_weights(x: Array) -> Array:

@@ -8,23 +8,33 @@ import io
 import json
 import os
 import platform
+import secrets
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
 from belt_fenicsx.fields import QUANTITIES, Array, Fields
 from belt_fenicsx.report import as_json
-from belt_fenicsx.scene import SceneError
+from belt_fenicsx.scene import SceneError, Verbatim
 from belt_fenicsx.scene_file import scene_from_dict, scene_to_dict
 from belt_fenicsx.solution import Check, Contact, Solution, Stage, Status, Zone
 
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
+# What plain data hold for the annotations of a solution's parts.
+PLAIN: Mapping[str, Any] = {
+    "str": str,
+    "int": int,
+    "float": float | int,
+    "int | None": int | None,
+    "Slip | None": str | None,
+}
+PARTS: Mapping[str, Any] = {"Zone": Zone, "Contact": Contact, "Check": Check, "Stage": Stage}
 PACKAGES = ("belt_fenicsx", "numpy", "scipy", "matplotlib")
 MODULES = ("dolfinx", "ufl", "petsc4py", "mpi4py")
 
@@ -32,7 +42,10 @@ MODULES = ("dolfinx", "ufl", "petsc4py", "mpi4py")
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
     """Gives a path to write to, which takes the place of the wanted one when all is written."""
-    partial = path.with_name(f".{os.getpid()}.{path.name}")
+    partial = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
+    # Made here, under a name that nobody knows before: what stood there already, as a link to another file might, is
+    # an error.
+    os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
         yield partial
         partial.replace(path)
@@ -56,27 +69,54 @@ def save(solution: Solution, path: str | Path) -> None:
     path = Path(path)
     if path.suffix != ".npz":
         raise SceneError("path", "end in .npz", str(path))
+    arrays = _arrays(solution.fields)
+    text = json.dumps({**to_plain(solution), "arrays": [*arrays]})
     with replaced(path) as partial, open(partial, "wb") as file:
-        np.savez_compressed(file, solution=json.dumps(to_plain(solution)), **_arrays(solution.fields))
+        np.savez_compressed(file, solution=text, **arrays)
 
 
 def load(path: str | Path) -> Solution:
     """Reads a solution that `save` wrote.
 
     Raises:
-        SceneError: The file is not there or holds something else.
+        SceneError: The file is not there, is damaged or holds something else.
     """
     try:
+        with ZipFile(path) as archive:
+            # NumPy reads no further than the end of an array, which is before its checksum is compared.
+            if (damaged := archive.testzip()) is not None:
+                raise SceneError(damaged, "be as it was written", Verbatim("other bytes"))
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         plain = json.loads(str(arrays.pop("solution")))
-        return from_plain(plain, Fields(**arrays) if arrays else None)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
-        if isinstance(error, SceneError):
-            raise
-        raise SceneError(
-            "path", f"name a file that `save` wrote ({type(error).__name__}: {error})", str(path)
-        ) from None
+        # The list of an archive's members has no checksum: what it leaves out looks as if it had not been there.
+        if arrays.keys() != set(plain["arrays"]):
+            raise SceneError(
+                "arrays", f"be {', '.join(plain['arrays']) or 'none'}", Verbatim(", ".join(arrays) or "none")
+            )
+        return from_plain(plain, _fields(arrays) if arrays else None)
+    # A damaged archive, array or text has many ways to fail in the readers of Python and NumPy.
+    except Exception as error:
+        why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"
+        raise SceneError("path", f"name a file that `save` wrote ({why})", str(path)) from None
+
+
+def _fields(arrays: Mapping[str, Array]) -> Fields:
+    """Fields from the arrays of a file.
+
+    Raises:
+        SceneError: An array is missing, is none of the fields or has another shape than theirs.
+    """
+    names = [f.name for f in fields(Fields)]
+    if set(arrays) != set(names):
+        raise SceneError("fields", f"be {', '.join(names)}", Verbatim(", ".join(sorted(arrays))))
+    count = arrays["sigma"].size
+    for name in names:
+        shape, kind = (count, 2) if name in COMPONENTS else (count,), "i" if name == "zone" else "f"
+        if arrays[name].shape != shape or arrays[name].dtype.kind != kind:
+            found = Verbatim(f"{arrays[name].dtype} of shape {arrays[name].shape}")
+            raise SceneError(f"fields.{name}", f"hold numbers of shape {shape}", found)
+    return Fields(**arrays)
 
 
 def to_plain(solution: Solution) -> dict[str, Any]:
@@ -97,41 +137,69 @@ def to_plain(solution: Solution) -> dict[str, Any]:
     }
 
 
-def from_plain(plain: Mapping[str, Any], fields_: Fields | None = None) -> Solution:
+def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
     """Makes a solution from plain data, with the given fields.
 
     Raises:
-        SceneError: The data hold no scene.
-        KeyError: Something is missing in the data.
-        TypeError: Something is in the data that does not belong there.
+        SceneError: The data hold no solution.
     """
-    return Solution(
-        scene=scene_from_dict(plain["scene"]),
-        method=plain["method"],
-        status=Status[plain["status"]],
-        message=plain["message"],
-        contacts=tuple(_contact(contact) for contact in plain["contacts"]),
-        zones=tuple(_zone(zone) for zone in plain["zones"]),
-        fields=fields_,
-        checks=tuple(Check(**check) for check in plain["checks"]),
-        iterations=plain["iterations"],
-        error_estimate=plain["error_estimate"],
-        field_errors=plain["field_errors"],
-        stages=tuple(Stage(**stage) for stage in plain["stages"]),
-        measures=plain["measures"],
-    )
+    plain = _table(plain, "solution")
+    try:
+        zones = _read("tuple[Zone, ...]", plain["zones"])
+        if fields_ is not None and not np.all((fields_.zone >= 0) & (fields_.zone < len(zones))):
+            raise SceneError("fields.zone", f"number {len(zones)} zones", Verbatim("others"))
+        return Solution(
+            scene=scene_from_dict(plain["scene"]),
+            method=_read("str", plain["method"]),
+            status=Status[_read("str", plain["status"])],
+            message=_read("str", plain["message"]),
+            contacts=_read("tuple[Contact, ...]", plain["contacts"]),
+            zones=zones,
+            fields=fields_,
+            checks=_read("tuple[Check, ...]", plain["checks"]),
+            iterations=_read("int", plain["iterations"]),
+            error_estimate=_read("float", plain["error_estimate"]),
+            stages=_read("tuple[Stage, ...]", plain["stages"]),
+            field_errors=_numbers(plain, "field_errors"),
+            measures=_numbers(plain, "measures"),
+        )
+    except KeyError as error:
+        raise SceneError("solution", "have all that belongs to it", Verbatim(f"no {error}")) from None
+
+
+def _numbers(plain: Mapping[str, Any], name: str) -> dict[str, float]:
+    return {key: _read("float", value) for key, value in _table(plain[name], name).items()}
+
+
+def _table(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise SceneError(name, "be a table of names and values", value)
+    return value
+
+
+def _read(kind: str, value: Any) -> Any:
+    """A value of plain data as the annotation of a dataclass wants it.
+
+    Raises:
+        SceneError: It is another value.
+    """
+    if kind in PLAIN:
+        if isinstance(value, bool) or not isinstance(value, PLAIN[kind]):
+            raise SceneError("solution", f"hold a value of the kind {kind}", value)
+        return value
+    if kind in PARTS:
+        part = _table(value, kind)
+        if set(part) != {f.name for f in fields(PARTS[kind])}:
+            raise SceneError("solution", f"hold what makes a {kind}", Verbatim(", ".join(part) or "nothing"))
+        return PARTS[kind](**{f.name: _read(str(f.type), part[f.name]) for f in fields(PARTS[kind])})
+    members = kind.removeprefix("tuple[").removesuffix("]").split(", ")
+    if not isinstance(value, list | tuple) or (members[-1] != "..." and len(value) != len(members)):
+        raise SceneError("solution", f"hold a {kind}", value)
+    return tuple(_read(members[0], item) for item in value)
 
 
 def _arrays(fields_: Fields | None) -> dict[str, Array]:
     return {} if fields_ is None else {f.name: getattr(fields_, f.name) for f in fields(fields_)}
-
-
-def _zone(plain: Mapping[str, Any]) -> Zone:
-    return Zone(kind=plain["kind"], slip=plain["slip"], sigma=tuple(plain["sigma"]), x=tuple(plain["x"]))
-
-
-def _contact(plain: Mapping[str, Any]) -> Contact:
-    return Contact(**{**plain, "zones": tuple(_zone(zone) for zone in plain["zones"])})
 
 
 def columns(solution: Solution) -> dict[str, tuple[str, Array]]:

@@ -7,21 +7,21 @@ and calling its assemblers would take most of the time of a small solve.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import ffcx
 import numpy as np
 import ufl
 from ffcx.codegeneration import jit
 
 from belt_fenicsx.errors import compiling
 from belt_fenicsx.fields import Array
+from belt_fenicsx.jit_cache import cached
 
 # Code as fast as that by -O2, in two thirds of its time; without the analysis of value ranges it is a third slower.
 COMPILER_FLAGS = ["-O1", "-ftree-vrp", "-g0"]
-PATIENCE = 120  # seconds, for another process that compiles the same forms
 UNIT_CELL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 
 
@@ -66,14 +66,18 @@ class Kernel:
 
 
 def compiled(*forms: ufl.Form) -> tuple[Kernel, ...]:
-    """Compiles forms together, or finds them compiled where DOLFINx keeps its own.
+    """Compiles forms together, or finds them compiled before.
 
     Raises:
         NotCompiled: The compiler or the folder fails.
     """
-    cache = Path(os.getenv("XDG_CACHE_HOME", Path.home() / ".cache")).expanduser() / "fenics"
-    with compiling(cache):
-        compiled_forms, module, _ = jit.compile_forms(
-            list(forms), cache_dir=cache, timeout=PATIENCE, cffi_extra_compile_args=COMPILER_FLAGS
-        )
+
+    def compile_into(folder: Path) -> tuple[Any, Any]:
+        # What is in the folder is whole: there is nobody to be waited for.
+        options = {"cache_dir": folder, "timeout": 1, "cffi_extra_compile_args": COMPILER_FLAGS}
+        return jit.compile_forms(list(forms), **options)[:2]
+
+    with compiling():
+        key = [ffcx.__version__, *COMPILER_FLAGS, *(form.signature() for form in forms)]
+        compiled_forms, module = cached(key, compile_into)
     return tuple(Kernel(form, module.ffi) for form in compiled_forms)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,8 @@ def node_positions(mesh: Any, *, length: float) -> Array:
     """The material-length coordinates of a mesh's nodes, the outer ones exactly at the belt's ends.
 
     Args:
-        mesh: Increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m]; or a file of them: ``.txt`` with one in a line, or a
-            mesh of lines along x that meshio reads, such as ``.msh``, ``.xdmf`` and ``.vtu``.
+        mesh: Increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m]; or a file of them: ``.txt`` or ``.csv`` with one in a
+            line, ``.npy``, or a mesh of lines along x that meshio reads, such as ``.msh``, ``.xdmf`` and ``.vtu``.
         length: Length Ls of the belt [m].
 
     Returns:
@@ -57,7 +58,7 @@ def read_positions(path: Path) -> Array:
     if not path.is_file():
         raise SceneError("mesh", "name a file that is there", str(path))
     try:
-        return _array(np.loadtxt(path, ndmin=1)) if path.suffix == ".txt" else _read_lines(path)
+        return _array(READERS.get(path.suffix.lower(), _read_lines)(path))
     except SceneError:
         raise
     # Each format of meshio has its own ways to fail, and it ends the process for some.
@@ -91,6 +92,24 @@ def _array(values: Any) -> Array:
     return positions
 
 
+def _read_text(path: Path) -> Array:
+    """Positions, one in a line; in a ``.csv``, the first line may be a header."""
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    rows = [line for line in lines if line.partition("#")[0].strip()]
+    comma = "," if path.suffix.lower() == ".csv" else None
+    if comma and rows and not re.search(r"\d", rows[0].partition(comma)[0]):
+        del rows[0]
+    if not rows:
+        raise SceneError("mesh", "hold positions", Verbatim(f"none in {path}"))
+    if "," in rows[0] and (comma is None or len(rows) > 1):
+        raise SceneError("mesh", "have one position in a line, with a decimal point", rows[0])
+    return np.loadtxt(rows, delimiter=comma, ndmin=1)
+
+
+def _read_array(path: Path) -> Array:
+    return np.load(path, allow_pickle=False)
+
+
 def _read_lines(path: Path) -> Array:
     import meshio
 
@@ -99,7 +118,22 @@ def _read_lines(path: Path) -> Array:
         mesh = meshio.read(path)
     if "line" not in mesh.cells_dict:
         raise SceneError("mesh", "have cells of the type line", Verbatim(", ".join(mesh.cells_dict) or "none"))
-    points = mesh.points[np.unique(mesh.cells_dict["line"])]
-    if np.any(points[:, 1:]):
-        raise SceneError("mesh", "lie on the x axis", Verbatim(f"y, z up to {np.max(np.abs(points[:, 1:])):g}"))
-    return np.sort(_array(points[:, 0]))
+    numbers, cells = np.unique(mesh.cells_dict["line"], return_inverse=True)
+    points = mesh.points[numbers]
+    x, off = points[:, 0], np.abs(points[:, 1:]).max(initial=0.0)
+    if off > END_TOLERANCE * np.ptp(x):
+        raise SceneError("mesh", "lie on the x axis", Verbatim(f"y, z up to {off:g}"))
+    order = np.argsort(x)
+    chain = np.unique(np.sort(np.argsort(order)[cells.reshape(-1, 2)], axis=1), axis=0)
+    gaps = np.setdiff1d(np.arange(len(x) - 1), chain[chain[:, 1] - chain[:, 0] == 1, 0])
+    if len(gaps):
+        raise SceneError(
+            "mesh", "be one chain of lines", Verbatim(f"none from x = {x[order[gaps[0]]]:g} to the next node")
+        )
+    if len(chain) >= len(x):
+        raise SceneError("mesh", "be one chain of lines", Verbatim(f"{len(chain)} lines between {len(x)} nodes"))
+    return x[order]
+
+
+# By the ending of a file; other endings are meshio's.
+READERS = {".txt": _read_text, ".csv": _read_text, ".npy": _read_array}

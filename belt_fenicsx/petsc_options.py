@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import threading
 from collections.abc import Iterable, Mapping
@@ -70,3 +71,17 @@ def _refused(solver: PETSc.SNES, options: Iterable[tuple[str, Any]], error: Exce
         except PETSc.Error:
             return SceneError(f"options.{key}", "have a value that PETSc takes", value)
     return error
+
+
+def unused() -> list[str]:
+    """Options with our prefix for which no solver has asked so far, without the prefix."""
+    from petsc4py import PETSc
+
+    # petsc4py has no way to ask; its library leads to PETSc's.
+    asked_for, library = ctypes.c_int(), ctypes.CDLL(PETSc.__file__)
+    left = []
+    for name in PETSc.Options(PREFIX).getAll():
+        library.PetscOptionsUsed(None, f"{PREFIX}{name}".encode(), ctypes.byref(asked_for))
+        if not asked_for.value:
+            left.append(name)
+    return left

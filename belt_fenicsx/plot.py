@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from belt_fenicsx.fields import QUANTITIES
+from belt_fenicsx.files import COMPONENTS, columns
+from belt_fenicsx.scene_file import unknown_name
 from belt_fenicsx.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Told apart in grey, too: by the kind of line for a method, by hatching and shade for a zone.
 STYLES = {
@@ -33,25 +36,44 @@ def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False
     Args:
         solution: A solution with fields.
         ax: Axes to draw into.
-        name: Name of a scalar field, such as ``"p"``, ``"f"``, ``"eps"`` or ``"Gamma"``.
+        name: Name of a scalar field or of a component, such as ``"p"``, ``"eps"``, ``"Gamma"`` or ``"Q1"``.
         contact_only: Whether to leave the free spans out.
         style: Keywords of Matplotlib's ``plot``; those of the method by default.
+
+    Raises:
+        SceneError: There is no such field, or the solution has none.
     """
-    fields, quantity = solution.fields, QUANTITIES[name]
-    values = getattr(fields, name)
+    fields, table = solution.fields, columns(solution)
+    if name not in table:
+        raise unknown_name("name", name, table)
+    unit, values = table[name]
     free = np.array([zone.kind == "free" for zone in solution.zones])
     shown = ~free[fields.zone] if contact_only else np.ones(len(fields.sigma), dtype=bool)
     style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
     ax.plot(fields.x[shown], values[shown], **style)
     mark_borders(solution, ax)
     ax.set_xlabel("x [m]")
-    ax.set_ylabel(f"{quantity.text} {_symbol(name)} [{quantity.unit}]")
+    ax.set_ylabel(f"{_meaning(name)} {_symbol(name)} [{unit}]")
     return ax
+
+
+def _meaning(name: str) -> str:
+    texts = {part: QUANTITIES[whole].text for whole, parts in COMPONENTS.items() for part in parts}
+    return texts.get(name) or (QUANTITIES[name].text if name in QUANTITIES else name)
 
 
 def _symbol(name: str) -> str:
     greek = {"eps": r"$\varepsilon$", "Gamma": r"$\Gamma$", "kappa": r"$\kappa$", "theta": r"$\theta$"}
     return greek.get(name, f"${name}$")
+
+
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, also where nobody has loaded pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        image = io.BytesIO()
+        self.savefig(image, format="png")
+        return image.getvalue()
 
 
 def mark_borders(solution: Solution, ax: Axes) -> Axes:
@@ -104,9 +126,9 @@ def deformed_belt(solution: Solution, ax: Axes) -> Axes:
             continue
         last = np.flatnonzero(inside)[-1]
         inside[min(last + 1, len(inside) - 1)] = True
-        label = f"{zone.slip} slip" if zone.slip else zone.kind
-        ax.plot(fields.x[inside], fields.y[inside], label=None if label in named else label, **ZONE_STYLES[zone.kind])
-        named.add(label)
+        label = None if zone.name in named else zone.name
+        ax.plot(fields.x[inside], fields.y[inside], label=label, **ZONE_STYLES[zone.kind])
+        named.add(zone.name)
     half = scene.span / 2
     ax.plot([-half, half], [0.0, 0.0], linestyle="none", marker="s", markersize=6, color="0.3", label="clamps")
     ax.annotate("", xy=(-0.72 * half, 0.18 * half), xytext=(-0.98 * half, 0.18 * half), arrowprops={"arrowstyle": "->"})
@@ -127,9 +149,7 @@ def overview(*solutions: Solution) -> Figure:
     Args:
         solutions: Solutions with fields; the first one's belt is drawn.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 9.0), layout="constrained")
+    figure = NotebookFigure(figsize=(9.0, 9.0), layout="constrained")
     axes = figure.subplot_mosaic([["belt", "belt"], ["p", "f"], ["eps", "Gamma"]])
     deformed_belt(solutions[0], axes["belt"])
     axes["belt"].set_title(_title(solutions[0]))

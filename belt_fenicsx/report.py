@@ -7,20 +7,43 @@ import html
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.scene_file import scene_to_dict
 from belt_fenicsx.solution import Contact, Solution, Status
 
+if TYPE_CHECKING:
+    from belt_fenicsx.sweeps import Sweep
+
 RESOLUTION = 80  # of a notebook's figure [dots per inch]
+SHOWN = 5  # rows of a sweep's table that a notebook shows, from its head and from its tail
 
 
-def as_json(solution: Solution) -> str:
-    """The solution and its scene as one JSON object, without the arrays."""
-    plain = {"scene": scene_to_dict(solution.scene), **solution.summary()}
-    return json.dumps(_finite(plain), indent=2, allow_nan=False)
+def as_json(solution: Solution, left_out: Mapping[str, Any] | None = None) -> str:
+    """The solution and its scene as one JSON object, without the arrays.
+
+    Args:
+        solution: The solution.
+        left_out: Values that a scene file left out, if the scene is from one.
+    """
+    return _json({"scene": scene_to_dict(solution.scene), **_left_out(left_out), **solution.summary()}, indent=2)
+
+
+def _left_out(values: Mapping[str, Any] | None) -> dict[str, Any]:
+    return {} if values is None else {"left_out": dict(values)}
+
+
+def _json(plain: Mapping[str, Any], indent: int | None = None) -> str:
+    return json.dumps(_finite(plain), indent=indent, allow_nan=False)
+
+
+def row_as_json(values: Mapping[str, Any], solution: Solution) -> str:
+    """A row of a sweep as one line of JSON: the values of its scene that change, and the answer."""
+    return _json({"values": dict(values), **solution.summary()})
 
 
 def _finite(value: Any) -> Any:
@@ -49,11 +72,11 @@ def as_text(solution: Solution) -> str:
     if solution.zones:
         lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
         for zone in solution.zones:
-            name = f"{zone.slip} slip" if zone.slip else zone.kind
-            lines.append(f"{name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
+            lines.append(f"{zone.name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
         lines.append("")
     lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
     lines += [f"violated: {violation}" for violation in solution.violations]
+    lines += [f"hint: {hint}" for hint in solution.hints]
     if not math.isnan(solution.error_estimate):
         lines.append(f"estimated relative error of omega: {solution.error_estimate:.1e}")
     if solution.stages:
@@ -77,7 +100,7 @@ def as_line(solution: Solution) -> str:
 def as_html(solution: Solution) -> str:
     """The solution as a table and, where Matplotlib is there, a small figure of the deformed belt, in one piece."""
     mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
-    sentences = (solution.status.value, solution.message, *solution.violations)
+    sentences = (solution.status.value, solution.message, *solution.violations, *solution.hints)
     text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
     rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
     rows += [("method", solution.method), ("iterations", str(solution.iterations))]
@@ -95,7 +118,7 @@ def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
         ("run-off", f"{_place(contact.x_off, length)} m"),
         ("torque", f"{contact.torque:.10g} N m"),
         ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
-        ("zones", ", ".join(f"{zone.slip} slip" if zone.slip else zone.kind for zone in contact.zones)),
+        ("zones", ", ".join(zone.name for zone in contact.zones)),
     ]
 
 
@@ -114,6 +137,30 @@ def _html_figure(solution: Solution) -> str:
     return f'<img alt="The deformed belt on its pulley" src="data:image/png;base64,{data}">'
 
 
+def sweep_as_line(sweep: Sweep) -> str:
+    """A sweep in one line: how many scenes, over what, and how they ended."""
+    over = ""
+    if sweep.over is not None and sweep.values:
+        paths = sweep.over if isinstance(sweep.over, str) else ", ".join(sweep.over)
+        over = f" over {paths} = {sweep.values[0]} ... {sweep.values[-1]}"
+    ends = Counter(solution.status.name for solution in sweep.solutions)
+    return f"<Sweep of {len(sweep.solutions)} scenes{over}: {', '.join(f'{n} {name}' for name, n in ends.items())}>"
+
+
+def sweep_as_html(sweep: Sweep) -> str:
+    """The head and the tail of a sweep's table."""
+    header, *rows = sweep.rows()
+    if len(rows) > 2 * SHOWN:
+        rows[SHOWN:-SHOWN] = [["..."] * len(header)]
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(_short(value))}</td>' for value in row)}</tr>" for row in rows)
+    return f"<div><p>{html.escape(sweep_as_line(sweep))}</p><table><tr>{head}</tr>{body}</table></div>"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
 def certificates(solutions: Sequence[Solution]) -> str:
     """The certificates of a scene's solutions, below each other, and how far the solutions agree."""
     lines = []
@@ -128,10 +175,28 @@ def certificates(solutions: Sequence[Solution]) -> str:
             verdict = "" if check.holds else "  violated"
             lines.append(f"  {check.name:<42}{check.margin:>11.2e}{-check.tolerance:>11.0e}{check.x:>13.6g}{verdict}")
         lines.append("")
-    if all(solution.contacts for solution in solutions):
-        first, second = (solution.contacts[0] for solution in solutions)
-        lines.append(f"relative difference of omega {first.omega / second.omega - 1.0:.1e}")
+    if (difference := _difference(solutions)) is not None:
+        lines.append(f"relative difference of omega {difference:.1e}")
     return "\n".join(lines)
+
+
+def certificates_as_json(solutions: Sequence[Solution], left_out: Mapping[str, Any] | None = None) -> str:
+    """What `certificates` tells as one JSON object."""
+    plain = [
+        {**solution.summary(), "checks": [{**asdict(check), "holds": check.holds} for check in solution.checks]}
+        for solution in solutions
+    ]
+    scene = scene_to_dict(solutions[0].scene)
+    difference = {"relative_difference_of_omega": _difference(solutions)}
+    return _json({"scene": scene, **_left_out(left_out), "solutions": plain, **difference}, indent=2)
+
+
+def _difference(solutions: Sequence[Solution]) -> float | None:
+    """How far two solutions differ in omega; None where one has none, or both have none but zero."""
+    if not all(solution.contacts for solution in solutions):
+        return None
+    first, second = (solution.contacts[0].omega for solution in solutions)
+    return 0.0 if first == second else (first - second) / max(abs(first), abs(second))
 
 
 def _mark(status: Status) -> str:

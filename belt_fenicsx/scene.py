@@ -36,7 +36,11 @@ class SceneError(ValueError):
         super().__init__(field, expected, got)
 
     def __str__(self) -> str:
-        return f"`{self.field}` must {self.expected}, got {shown(self.got)}."
+        return printable(f"`{self.field}` must {self.expected}, got {shown(self.got)}.")
+
+    def __reduce__(self) -> tuple[type[SceneError], tuple[str, str, Verbatim]]:
+        # What was given may be anything, and need not travel to another process: its text does.
+        return SceneError, (self.field, self.expected, Verbatim(shown(self.got)))
 
     def within(self, path: str) -> SceneError:
         """The same error, with the field's path in front."""
@@ -54,6 +58,11 @@ def shown(value: object) -> str:
     except ValueError:  # Python refuses to write integers of thousands of digits.
         text = "an integer of too many digits"
     return text if len(text) <= 120 else f"{text[:117]}..."
+
+
+def printable(text: str) -> str:
+    """The text with escapes in place of what a terminal would obey: names in files may hold anything."""
+    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
 def number(name: str, value: object, unit: str) -> float:

@@ -21,6 +21,9 @@ from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError, StiffnessBelt, V
 STIFFNESSES = {"bending_stiffness": "N m^2", "extensional_stiffness": "N", "shear_stiffness": "N"}
 SECTION = ("youngs_modulus", "poisson_ratio", "thickness", "width")
 
+# As in `radius = 0,7`.
+DECIMAL_COMMA = re.compile(r"=\s*[-+]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
+
 # A value that is set takes the place of those that say the same thing in another way.
 REPLACES = {
     "x_trans": ("omega", "torque"),
@@ -40,13 +43,62 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     Raises:
         SceneError: The file cannot be read, is no TOML, or does not describe a scene.
     """
+    return scene_from_dict(read_data(path))
+
+
+def read_data(path: str | PathLike[str]) -> dict[str, Any]:
+    """The plain data of a TOML file, for `scene_from_dict`.
+
+    Raises:
+        SceneError: The file cannot be read or is no TOML.
+    """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneError(str(path), "be a readable file", Verbatim(error.strerror or error)) from None
+        content = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise SceneError(str(path), "be a readable file", Verbatim(getattr(error, "strerror", None) or error)) from None
+    return parse_data(content, str(path))
+
+
+def parse_data(content: bytes, name: str) -> dict[str, Any]:
+    """The plain data of a TOML text, which may begin with a byte-order mark.
+
+    Raises:
+        SceneError: It is no TOML; the error names it so.
+    """
+    try:
+        text = content.decode("utf-8-sig")
     except ValueError as error:
-        raise SceneError(str(path), "be a text file in UTF-8", Verbatim(error)) from None
-    return scene_from_dict(_parsed(text, str(path), "be valid TOML"))
+        raise SceneError(name, "be a text file in UTF-8", Verbatim(error)) from None
+    return _parsed(text, name, "be valid TOML")
+
+
+def left_out(scene: Scene, data: Mapping[str, Any], given: Iterable[str] = ()) -> dict[str, Any]:
+    """What a file does not say of its scene: the defaults that were taken, by their paths.
+
+    They are no error, since not all of them matter to every question, but whoever asks should hear of them.
+
+    Args:
+        scene: The scene.
+        data: The plain data that it was made of.
+        given: Paths whose values came from elsewhere.
+    """
+    said = {*_leaves(data), *given}
+    return {path: value for path, value in _leaves(scene_to_dict(scene)).items() if not _said(path, said)}
+
+
+def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
+    """The single values of tables and of arrays of tables, by their paths."""
+    items = data.items() if isinstance(data, Mapping) else enumerate(data)
+    leaves: dict[str, Any] = {}
+    for name, value in items:
+        nested = isinstance(value, Mapping) or (isinstance(value, list) and any(isinstance(v, Mapping) for v in value))
+        leaves |= _leaves(value, f"{prefix}{name}.") if nested else {f"{prefix}{name}": value}
+    return leaves
+
+
+def _said(path: str, said: set[str]) -> bool:
+    """Whether a path, or one that leads to it or on from it, is among those that were said."""
+    return any(path == other or path.startswith(f"{other}.") or other.startswith(f"{path}.") for other in said)
 
 
 def scene_from_dict(data: Mapping[str, Any]) -> Scene:
@@ -128,7 +180,8 @@ def _parsed(text: str, field: str, expected: str, got: object = None) -> dict[st
         return tomllib.loads(text)
     # tomllib lets the limits of Python's integers and of its stack through.
     except (ValueError, RecursionError) as error:
-        raise SceneError(field, expected, Verbatim(error) if got is None else got) from None
+        hint = " (numbers have decimal points)" if DECIMAL_COMMA.search(text) else ""
+        raise SceneError(field, f"{expected}{hint}", Verbatim(error) if got is None else got) from None
 
 
 def _table(value: Any, path: str) -> Mapping[str, Any]:

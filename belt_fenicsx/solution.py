@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.fields import Array, Fields, same_values
 from belt_fenicsx.scene import Scene, SceneError, Slip, Units
 
 Evaluator = Callable[[Array, bool], Fields]
@@ -30,6 +30,10 @@ class Status(enum.Enum):
     CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
 
 
+# Ends of an iteration that say nothing of their reason.
+BLIND = (Status.NEWTON_DIVERGED, Status.MULTIPLIERS_DIVERGED, Status.CONTACT_LOST)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Zone:
     """A part of the belt with one contact state.
@@ -45,6 +49,11 @@ class Zone:
     slip: Slip | None = None
     sigma: tuple[float, float]
     x: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """The contact state in words, as in ``"forward slip"``."""
+        return f"{self.slip} slip" if self.slip else self.kind
 
     def in_units(self, units: Units) -> Zone:
         """The zone of a dimensionless scene in the given units."""
@@ -90,6 +99,13 @@ class Contact:
             torque=self.torque * units.of(length=1, force=1),
             wrap_angle=self.wrap_angle,
             zones=tuple(zone.in_units(units) for zone in self.zones),
+        )
+
+    def __repr__(self) -> str:
+        zones = ", ".join(zone.name for zone in self.zones)
+        return (
+            f"<Contact omega = {self.omega:.12g} rad/s, x = {self.x_up:.6g} ... {self.x_trans:.6g} ... "
+            f"{self.x_off:.6g} m, torque = {self.torque:.6g} N m, wrap angle = {self.wrap_angle:.6g} rad: {zones}>"
         )
 
 
@@ -138,8 +154,22 @@ class Stage:
 
 
 @dataclass(frozen=True, kw_only=True)
+class InUnits:
+    """An evaluator of dimensionless fields that answers in the given units."""
+
+    evaluator: Evaluator
+    units: Units
+
+    def __call__(self, sigma: Array, before: bool) -> Fields:
+        return self.evaluator(sigma / self.units.length, before).in_units(self.units)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """The answer to a scene.
+
+    Solutions are equal that have equal values, of which ``state`` and ``evaluator`` are none. A solution that is
+    pickled leaves its ``state`` behind, as one that is saved does: what a warm start needs is in the fields.
 
     Attributes:
         scene: The scene that was asked.
@@ -176,6 +206,15 @@ class Solution:
     state: Any = field(default=None, repr=False, compare=False)
     evaluator: Evaluator | None = field(default=None, repr=False, compare=False)
 
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Solution) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.scene, self.method, self.status, self.message, self.iterations))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "state": None}
+
     @property
     def omega(self) -> float:
         """Angular velocity of the only pulley [rad/s].
@@ -203,9 +242,22 @@ class Solution:
         return tuple(str(check) for check in self.checks if not check.holds)
 
     @property
+    def hints(self) -> tuple[str, ...]:
+        """What is unusual about the scene, in sentences, where the iteration failed and cannot say why."""
+        if self.status not in BLIND:
+            return ()
+        from belt_fenicsx.hints import hints
+
+        return hints(self.scene)
+
+    @property
     def timings(self) -> Mapping[str, float]:
-        """Wall time of each stage that ran [s]."""
-        return {stage.name: stage.seconds for stage in self.stages if stage.iterations is not None}
+        """Wall time of the stages that ran, by name; stages of one name together [s]."""
+        times: dict[str, float] = {}
+        for stage in self.stages:
+            if stage.iterations is not None:
+                times[stage.name] = times.get(stage.name, 0.0) + stage.seconds
+        return times
 
     def in_units(self, scene: Scene, units: Units) -> Solution:
         """The answer to ``scene``, of which this is the dimensionless one."""
@@ -215,7 +267,7 @@ class Solution:
             contacts=tuple(contact.in_units(units) for contact in self.contacts),
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),
-            evaluator=self.evaluator and _evaluator_in_units(self.evaluator, units),
+            evaluator=self.evaluator and InUnits(evaluator=self.evaluator, units=units),
         )
 
     def evaluate(self, sigma: Any, side: Literal["left", "right"] = "right") -> Fields:
@@ -226,10 +278,15 @@ class Solution:
             side: The side from which fields that jump at a border between zones are taken.
 
         Raises:
-            SceneError: A coordinate lies outside of the belt, or the method knows no fields between points.
+            SceneError: A coordinate lies outside of the belt, or the solution knows no fields between points: one by
+                another method than the fitted one, or one that was read from a file.
         """
         if self.evaluator is None:
-            raise SceneError("solution", "know its fields at any point, as those by the fitted method do", self.method)
+            expected = (
+                "know its fields between points, as those of `solve(scene, method='fitted')` do (one from a file or by "
+                "another method becomes such a one by `solve(solution.scene, initial=solution)`)"
+            )
+            raise SceneError("solution", expected, self)
         if side not in ("left", "right"):
             raise SceneError("side", 'be "left" or "right"', side)
         points, half = np.atleast_1d(np.asarray(sigma, dtype=float)), self.scene.belt.length / 2
@@ -277,6 +334,7 @@ class Solution:
             "success": self.success,
             "admissible": self.admissible,
             "violations": list(self.violations),
+            "hints": list(self.hints),
             "omega": self.contacts[0].omega if len(self.contacts) == 1 else None,
             "contacts": contacts,
             "zones": [_zone_summary(zone) for zone in self.zones],
@@ -293,10 +351,6 @@ def _zone_summary(zone: Zone) -> dict[str, Any]:
     return {"kind": zone.kind, "slip": zone.slip, "sigma": list(zone.sigma), "x": list(zone.x)}
 
 
-def _evaluator_in_units(evaluator: Evaluator, units: Units) -> Evaluator:
-    return lambda sigma, before: evaluator(sigma / units.length, before).in_units(units)
-
-
 class SolveError(RuntimeError):
     """A solve that gave no admissible answer; ``solution`` holds what there is.
 
@@ -309,7 +363,8 @@ class SolveError(RuntimeError):
         super().__init__(solution)
 
     def __str__(self) -> str:
-        parts = (self.solution.status.value, self.solution.message, *self.solution.violations)
+        solution = self.solution
+        parts = (solution.status.value, solution.message, *solution.violations, *solution.hints)
         return " ".join(part for part in parts if part)
 
 

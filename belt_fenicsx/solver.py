@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from belt_fenicsx import interrupts
 from belt_fenicsx.fields import Fields
 from belt_fenicsx.scene import Scene, SceneError, number
 from belt_fenicsx.solution import Solution, Stage, Status, Zone, finish
@@ -63,12 +64,14 @@ def solve(
     if method == "fitted":
         if mesh is not None:
             raise SceneError("mesh", "be left out with the method fitted, which moves its own nodes", mesh)
-        from belt_fenicsx import fitted
+        with interrupts.held():
+            from belt_fenicsx import fitted
 
-        return fitted.solve(scene, **common)
-    from belt_fenicsx import augmented_lagrangian
+            return fitted.solve(scene, **common)
+    with interrupts.held():
+        from belt_fenicsx import augmented_lagrangian
 
-    return augmented_lagrangian.solve(scene, mesh=mesh, **common)
+        return augmented_lagrangian.solve(scene, mesh=mesh, **common)
 
 
 def check_rtol(rtol: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from belt_fenicsx import interrupts
 from belt_fenicsx.solution import Stage, Status
 
 
@@ -15,7 +16,8 @@ class Stages(list[Stage]):
         self._since = time.perf_counter()
 
     def ran(self, name: str, why: str, iterations: int = 0) -> None:
-        """Adds a stage that has just ended."""
+        """Adds a stage that has just ended. Where Ctrl-C was pressed in it, the solve ends here."""
+        interrupts.check()
         now = time.perf_counter()
         self.append(Stage(name=name, why=why, iterations=iterations, seconds=now - self._since))
         self._since = now

@@ -10,7 +10,7 @@ import contextlib
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 
 from belt_fenicsx.files import from_plain, to_plain, versions
 from belt_fenicsx.petsc_options import PREFIX
-from belt_fenicsx.scene import Scene
+from belt_fenicsx.scene import Scene, SceneError, Verbatim
 from belt_fenicsx.scene_file import scene_to_dict
 from belt_fenicsx.solution import Solution
 
@@ -65,9 +65,26 @@ class Parts:
         stem = f"{self.table.name}.part."
         return sorted(path for path in self.table.parent.iterdir() if path.name.startswith(stem))
 
+    def names(self) -> str:
+        """The side files that there are, as a list to read."""
+        return ", ".join(map(str, self._all()))
+
     def read(self) -> dict[str, Solution]:
         """The answers that earlier runs left, without their fields. A line that was cut off is left out."""
         return dict(answer for path in self._all() for answer in _answers(path))
+
+    def read_those(self, names: Collection[str]) -> dict[str, Solution]:
+        """The answers that an earlier run of the same sweep left.
+
+        Raises:
+            SceneError: There are answers of another sweep, which would be lost.
+        """
+        answers = self.read()
+        others = len(answers.keys() - set(names))
+        if others:
+            expected = f"name a table without rows of another sweep beside it (finish that, or remove {self.names()})"
+            raise SceneError("out", expected, Verbatim(f"{others} answers to other scenes, arguments or options"))
+        return answers
 
     def __enter__(self) -> Parts:
         self._file = open(self._own, "a", encoding="utf-8")
@@ -80,7 +97,8 @@ class Parts:
 
     def keep(self, name: str, solution: Solution) -> None:
         """Appends an answer, which a sudden end of the process then leaves in place."""
-        self._file.write(json.dumps({"key": name, "solution": to_plain(solution)}) + "\n")
+        plain = to_plain(solution)
+        self._file.write(json.dumps({"key": name, "solution": plain, "digest": _digest([name, plain])}) + "\n")
         self._file.flush()
 
     def remove(self) -> None:
@@ -90,8 +108,10 @@ class Parts:
 
 
 def _answers(path: Path) -> Iterator[tuple[str, Solution]]:
+    """The answers in a side file. A line that is not whole, or is not as it was written, is as good as none."""
     with open(path, encoding="utf-8", errors="replace") as lines:
         for line in lines:
-            with contextlib.suppress(ValueError, KeyError, TypeError):
+            with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
                 plain = json.loads(line)
-                yield plain["key"], from_plain(plain["solution"])
+                if plain["digest"] == _digest([plain["key"], plain["solution"]]):
+                    yield plain["key"], from_plain(plain["solution"])

@@ -10,14 +10,14 @@ import csv
 import functools
 import inspect
 import io
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from belt_fenicsx.fields import Array
+from belt_fenicsx.fields import Array, same_values
 from belt_fenicsx.files import replaced
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.scene_file import with_values
@@ -39,20 +39,38 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
     """The answers to a list of scenes.
 
+    Sweeps are equal that have equal values and solutions.
+
     Attributes:
-        over: Path of the value that changes from scene to scene, as in ``"pulleys.0.x_trans"``; None for a list of
-            scenes.
-        values: Its values ``(n,)``, or the scenes' numbers.
+        over: Path of the value that changes from scene to scene, as in ``"pulleys.0.x_trans"``, or a tuple of paths;
+            None for a list of scenes.
+        values: Its values ``(n,)``, or tuples of values, or the scenes' numbers.
         solutions: One solution for each scene, failed ones too, in the order asked for.
     """
 
-    over: str | None
+    over: str | tuple[str, ...] | None
     values: tuple[Any, ...]
     solutions: tuple[Solution, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Sweep) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.over, self.solutions))
+
+    def __repr__(self) -> str:
+        from belt_fenicsx.report import sweep_as_line
+
+        return sweep_as_line(self)
+
+    def _repr_html_(self) -> str:
+        from belt_fenicsx.report import sweep_as_html
+
+        return sweep_as_html(self)
 
     @property
     def success(self) -> bool:
@@ -73,18 +91,34 @@ class Sweep:
             return np.array([getattr(solution, name) for solution in self.solutions])
         raise KeyError(name)
 
+    def rows(self) -> list[list[Any]]:
+        """The table's header, with units, and its rows."""
+        return [header(self.over), *map(row, self.values, self.solutions)]
+
     def csv(self) -> str:
-        """The table as comma-separated values, with units in its header."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        columns = [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
-        writer.writerow([self.over or "scene", *columns, "error_estimate [-]", "iterations", "status"])
-        for value, solution in zip(self.values, self.solutions, strict=True):
-            quantities = [repr(_of_contact(solution, name)) for name in COLUMNS]
-            writer.writerow(
-                [value, *quantities, repr(solution.error_estimate), solution.iterations, solution.status.name]
-            )
-        return text.getvalue()
+        """The table as comma-separated values."""
+        return as_csv(self.rows())
+
+
+def header(over: str | tuple[str, ...] | None) -> list[str]:
+    """Names of a table's columns, with units."""
+    changed = [over or "scene"] if not isinstance(over, tuple) else over
+    columns = [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
+    return [*changed, *columns, "error_estimate [-]", "iterations", "status"]
+
+
+def row(value: Any, solution: Solution) -> list[Any]:
+    """A row of a table, from the value, or the tuple of values, of its scene."""
+    changed = value if isinstance(value, tuple) else (value,)
+    quantities = [_of_contact(solution, name) for name in COLUMNS]
+    return [*changed, *quantities, solution.error_estimate, solution.iterations, solution.status.name]
+
+
+def as_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as comma-separated values."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _of_contact(solution: Solution, name: str) -> float:
@@ -95,7 +129,7 @@ def _of_contact(solution: Solution, name: str) -> float:
 def sweep(
     scenes: Scene | Iterable[Scene],
     *,
-    over: str | None = None,
+    over: str | Sequence[str] | None = None,
     values: Iterable[Any] | None = None,
     solver: Callable[..., Solution] = solve,
     comm: MPI.Comm | None = None,
@@ -111,8 +145,8 @@ def sweep(
 
     Args:
         scenes: The scenes; or one scene, of which ``over`` takes the ``values``.
-        over: Path of the value to change, as in ``"pulleys.0.x_trans"``.
-        values: The values it takes.
+        over: Path of the value to change, as in ``"pulleys.0.x_trans"``, or several paths.
+        values: The values it takes; of several paths tuples, as `itertools.product` makes them.
         solver: The function that solves one scene: `solve` or `bvp.solve`.
         comm: Ranks that share the scenes, each of which is then solved by one rank alone; without it no sharing.
         out: A file for the table. Until it is written, finished rows are kept beside it, and a sweep that was
@@ -127,15 +161,17 @@ def sweep(
         answers of an earlier call have no fields.
 
     Raises:
-        SceneError: A value does not make a scene, before any scene is solved; or the arguments do not fit together.
+        SceneError: A value does not make a scene, before any scene is solved; the arguments do not fit together; or
+            beside ``out`` there are rows of another sweep.
         OSError: The table, or what is kept beside it, cannot be written; on all ranks.
     """
+    over = over if isinstance(over, str | None) else tuple(over)
     numbers, wanted = _wanted(scenes, over, values)
     call = _call(solver, arguments, comm)
     ranks = ranks_of(comm)
     parts = None if out is None else Parts(Path(out), ranks.rank)
     names = [] if parts is None else keys(wanted, _asked(call))
-    known = {} if parts is None else ranks.on_first(parts.read)
+    known = {} if parts is None else ranks.on_first(functools.partial(parts.read_those, names))
     solutions = {index: known[name] for index, name in enumerate(names) if name in known}
     missing = [index for index in range(len(wanted)) if index not in solutions]
 
@@ -144,11 +180,11 @@ def sweep(
             progress(done, len(wanted))
 
     def solved(index: int, solution: Solution) -> None:
+        if on_solved is not None:
+            on_solved(index, solution)
         if parts is not None:
             parts.keep(names[index], solution)
         show(len(wanted) - len(missing) + ranks.solved())
-        if on_solved is not None:
-            on_solved(index, solution)
 
     solutions |= _solved_by_all(wanted, missing, call, ranks, parts, solved, keep_fields)
     show(len(solutions))
@@ -159,22 +195,28 @@ def sweep(
 
 
 def _wanted(
-    scenes: Scene | Iterable[Scene], over: str | None, values: Iterable[Any] | None
+    scenes: Scene | Iterable[Scene], over: str | tuple[str, ...] | None, values: Iterable[Any] | None
 ) -> tuple[tuple[Any, ...], tuple[Scene, ...]]:
     """The values, or numbers, of the scenes, and the scenes."""
     if isinstance(scenes, Scene):
         if over is None or values is None:
             raise SceneError("over", "come with one scene and with `values`", over)
         numbers = tuple(values)
-        return numbers, tuple(_with_value(scenes, over, value) for value in numbers)
+        if isinstance(over, str):
+            return numbers, tuple(_with(scenes, {over: value}) for value in numbers)
+        for value in numbers:
+            if not isinstance(value, tuple) or len(value) != len(over):
+                raise SceneError("values", f"be tuples of {len(over)}, one for each path", value)
+        return numbers, tuple(_with(scenes, dict(zip(over, value, strict=True))) for value in numbers)
     if over is not None or values is not None:
         raise SceneError("over", "be left out with a list of scenes", over)
     wanted = tuple(scenes)
     return tuple(range(len(wanted))), wanted
 
 
-def _with_value(scene: Scene, over: str, value: Any) -> Scene:
-    return with_values(scene, {over: value.item() if isinstance(value, np.generic) else value})
+def _with(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    plain = {path: value.item() if isinstance(value, np.generic) else value for path, value in values.items()}
+    return with_values(scene, plain)
 
 
 def _call(
@@ -214,9 +256,9 @@ def _solved_by_all(
                 for index in (missing[number] for number in chunk):
                     solution = _solved(wanted[index], last, call)
                     last = solution if solution.success else last
-                    mine[index] = _lean(solution, ranks, keep_fields)
+                    mine[index] = solution if keep_fields else _lean(solution)
                     solved(index, solution)
-    except (Exception, KeyboardInterrupt) as caught:
+    except BaseException as caught:  # whatever it is, the other ranks would wait for this one; it is raised again
         ranks.stop()
         error = caught
     return ranks.gathered(mine, error)
@@ -240,11 +282,9 @@ def _refused(scene: Scene, method: str, error: SceneError) -> Solution:
     return Solution(scene=scene, method=method, status=Status.REFUSED, message=str(error), stages=(stage,))
 
 
-def _lean(solution: Solution, ranks: OneProcess | Ranks, keep_fields: bool) -> Solution:
-    """The solution without what was not asked for, or cannot travel between ranks."""
-    if isinstance(ranks, Ranks):
-        solution = replace(solution, state=None, evaluator=None)
-    return solution if keep_fields else replace(solution, fields=None, state=None, evaluator=None)
+def _lean(solution: Solution) -> Solution:
+    """The solution without its fields."""
+    return replace(solution, fields=None, state=None, evaluator=None)
 
 
 def _write(result: Sweep, parts: Parts) -> None:

@@ -89,7 +89,18 @@ BAD = [
     (["sweep", "--over", "pulleys.0.x_trans=0:1:x"], "--over", "FIRST:LAST:COUNT"),
     (["sweep", "--over", "pulleys.0.x_trans=0:1:1"], "--over", "COUNT from 2"),
     (["sweep", "--over", "pulleys.0.friction=0.1,["], "pulleys.0.friction", "TOML value"),
-    (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--json"], "--json", "known option"),
+    (["sweep", *2 * ["--over", "pulleys.0.friction=0.1,0.2"]], "pulleys.0.friction", "swept over once"),
+    (["sweep", "--over", "span=1,2", "--set", "span=1"], "span", "swept over once"),
+    (
+        ["sweep", *sum((["--over", f"{p}=1:2:101"] for p in ("span", "belt.length", "belt.width")), [])],
+        "--over",
+        "1030301",
+    ),
+    (["swep"], "swep", "perhaps `sweep`"),
+    (["chek", "--rtol", "1e-6"], "chek", "perhaps `check`"),
+    (["-version"], "-version", "two dashes"),
+    (["-snes_monitor"], "-snes_monitor", "prefix of this program's solvers, -belt_snes_monitor"),
+    (["--set", "pulleys.0.friction=0,3"], "pulleys.0.friction", "decimal points"),
     (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--out", "table"], "--out", ".csv"),
     (["sweep", "--over", "pulleys.0.friction=0.1,0.2", "--out", "missing/table.csv"], "--out", "folder that exists"),
     (["check", "--plot", "a.png"], "--plot", "known option"),
@@ -100,7 +111,7 @@ BAD = [
 @pytest.mark.parametrize(("argv", "field", "expected"), BAD, ids=lambda value: " ".join(value)[:50])
 def test_bad_arguments(argv, field, expected, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_solver", pytest.fail)
+    monkeypatch.setattr(cli, "_solver", lambda *_: pytest.fail("solved"))
     assert cli.main(argv) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -134,9 +145,27 @@ def test_bad_input_is_told_once_and_ends_all_ranks(capsys):
 
 @serial
 def test_help(capsys):
-    with pytest.raises(SystemExit, match="0"):
-        cli.main(["--help"])
-    assert "4 converged" in capsys.readouterr().out.replace("\n", " ")
+    assert cli.main(["--help"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    for code in (
+        "0 solved",
+        "1 the result",
+        "2 bad input",
+        "3 did not",
+        "4 converged",
+        "130 int",
+        "141 the",
+        "143 term",
+    ):
+        assert code in out
+    assert cli.main(["sweep", "-h", "--quux"]) == 0
+    assert "--over" in capsys.readouterr().out
+
+
+@serial
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert {"python", "numpy", "scipy"} <= {line.split()[0] for line in capsys.readouterr().out.splitlines()}
 
 
 @pytest.mark.parametrize(
@@ -158,16 +187,18 @@ def test_petsc_options_are_parted(argv, own, petsc):
 # What is printed, for solutions that are made up here.
 
 
+ZONE = Zone(kind="slip", slip="forward", sigma=(-0.2, 0.2), x=(-0.21, 0.21))
+CONTACT = Contact(omega=1.5, x_up=-0.21, x_trans=0.0, x_off=0.21, torque=610.0, wrap_angle=0.6, zones=(ZONE,))
+
+
 @pytest.fixture
 def solution():
-    zone = Zone(kind="slip", slip="forward", sigma=(-0.2, 0.2), x=(-0.21, 0.21))
-    contact = Contact(omega=1.5, x_up=-0.21, x_trans=0.0, x_off=0.21, torque=610.0, wrap_angle=0.6, zones=(zone,))
     return Solution(
         scene=Scene(),
         method="made up",
         status=Status.SOLVED,
-        contacts=(contact,),
-        zones=(zone,),
+        contacts=(CONTACT,),
+        zones=(ZONE,),
         iterations=5,
         stages=(
             Stage(name="first", why="it is needed", iterations=5, seconds=0.001),
@@ -182,7 +213,7 @@ def answer(monkeypatch):
     """Lets the command line find the given solution, without a solver."""
 
     def set_answer(solution):
-        monkeypatch.setattr(cli, "_solver", lambda args, petsc: lambda scene: solution)
+        monkeypatch.setattr(cli, "_solver", lambda *_: lambda scene: solution)
 
     return set_answer
 
@@ -245,7 +276,7 @@ def test_interrupted(monkeypatch, capsys):
     def interrupted(scene):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_solver", lambda args, petsc: interrupted)
+    monkeypatch.setattr(cli, "_solver", lambda *_: interrupted)
     assert cli.main(["--method", "bvp"]) == 130
     assert capsys.readouterr().err == "belt-fenicsx: interrupted.\n"
 
@@ -440,7 +471,132 @@ def test_check_prints_both_certificates(capsys):
     assert cli.main(["check", "--method", "bvp"]) == 0
     out = capsys.readouterr().out
     assert out.count("Coulomb's bound in stick") == 2
-    assert "relative difference of omega 0.0e+00" in out
+    assert "bvp: Solved" in out and "fitted: Solved" in out
+    (difference,) = re.findall(r"relative difference of omega (\S+)", out)
+    assert 0.0 < abs(float(difference)) < 1e-7
+
+
+GRID = ["sweep", "--method", "bvp", "--rtol", "1e-4"]
+GRID += ["--over", "pulleys.0.friction=0.1,0.2", "--over", "pulleys.0.x_trans=-0.1:0.1:3"]
+
+
+@serial
+def test_several_ranges_are_a_grid(capsys):
+    assert cli.main(GRID) == 0
+    head, *rows = (line.split(",") for line in capsys.readouterr().out.splitlines())
+    assert head[:3] == ["pulleys.0.friction", "pulleys.0.x_trans", "omega [rad/s]"]
+    pairs = [("0.1", "-0.1"), ("0.1", "0.0"), ("0.1", "0.1"), ("0.2", "-0.1"), ("0.2", "0.0"), ("0.2", "0.1")]
+    assert [tuple(row[:2]) for row in rows] == pairs
+    assert len({row[2] for row in rows}) == 6
+    assert float(rows[4][2]) == pytest.approx(1.4807092526, rel=1e-6)
+
+
+@serial
+def test_a_sweep_in_json_is_an_object_in_a_line(capsys, tmp_path):
+    assert cli.main([*GRID, "--json"]) == 0
+    rows = [json.loads(line, parse_constant=pytest.fail) for line in capsys.readouterr().out.splitlines()]
+    assert rows[4]["values"] == {"pulleys.0.friction": 0.2, "pulleys.0.x_trans": 0.0}
+    assert rows[4]["omega"] == pytest.approx(1.4807092526, rel=1e-6)
+    assert cli.main([*GRID, "--json", "--out", str(tmp_path / "table.csv")]) == 0
+    assert json.loads(capsys.readouterr().out) == {"table": str(tmp_path / "table.csv"), "scenes": 6, "solved": 6}
+
+
+@serial
+def test_rows_are_told_as_they_are_found(monkeypatch):
+    told = []
+
+    def solver(scene, *, initial, throw):
+        told.append("solve")
+        return Solution(scene=scene, method="made up", status=Status.SOLVED, contacts=(CONTACT,))
+
+    monkeypatch.setattr(cli, "_solver", lambda *_: solver)
+    monkeypatch.setattr(cli, "_print", told.append)
+    cli.main(["sweep", "--over", "pulleys.0.x_trans=0,0.1"])
+    assert [text.split(",")[0] for text in told] == ["solve", "pulleys.0.x_trans", "solve", "0.1"]
+    assert "\n0," in told[1]
+
+
+def test_rows_of_all_ranks_are_told_in_their_order(capfd):
+    argv = ["sweep", "--method", "bvp", "--rtol", "1e-4", "--over", "pulleys.0.x_trans=-0.1:0.1:3"]
+    assert cli.main(argv) == 0
+    out = capfd.readouterr().out
+    values = ["pulleys.0.x_trans", "-0.1", "0.0", "0.1"] if cli._rank() == 0 else []
+    assert [line.split(",")[0] for line in out.splitlines()] == values
+
+
+@serial
+def test_check_in_json(capsys):
+    assert cli.main(["check", SCENE, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert [solution["method"] for solution in result["solutions"]] == ["fitted", "bvp"]
+    assert all(check["holds"] for solution in result["solutions"] for check in solution["checks"])
+    assert abs(result["relative_difference_of_omega"]) < 1e-7
+    assert result["left_out"] == {} and result["scene"]["span"] == 1.0
+
+
+@serial
+@pytest.mark.parametrize("asked", [[], ["--json"]])
+def test_what_a_file_leaves_out_is_told(asked, capsys, tmp_path):
+    (tmp_path / "scene.toml").write_text(Path(SCENE).read_text().replace("width = ", "# ").replace("span = ", "# "))
+    assert cli.main([str(tmp_path / "scene.toml"), "--method", "bvp", "--set", "span=1.0", *asked]) == 0
+    out, err = capsys.readouterr()
+    assert err == f"belt-fenicsx: {tmp_path}/scene.toml leaves out what the published scene has: belt.width = 0.1.\n"
+    assert not asked or json.loads(out)["left_out"] == {"belt.width": 0.1}
+
+
+@serial
+def test_a_scene_from_standard_input():
+    text = Path(SCENE).read_text().replace("transport_rate = 1.0", "transport_rate = 2.0")
+    result = command("-", "--method", "bvp", "--json", input=text, stdout=subprocess.PIPE)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert json.loads(result.stdout)["omega"] == pytest.approx(2.0 * 1.4807092526, rel=1e-7)
+    result = command("-", "--method", "bvp", input="spam = 1", stdout=subprocess.PIPE)
+    assert result.returncode == 2 and "`spam` must" in result.stderr
+
+
+@serial
+def test_a_picture_that_cannot_be_drawn_is_told(answer, capsys, tmp_path):
+    answer(Solution(scene=Scene(), method="made up", status=Status.CONTACT_LOST))
+    assert cli.main(["--plot", str(tmp_path / "a.png")]) == 3
+    assert f"{tmp_path}/a.png was not drawn" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@serial
+@pytest.mark.parametrize("method", ["fitted", "augmented-lagrangian"])
+@pytest.mark.parametrize(("name", "complaint"), [("mnitor", "perhaps `-belt_snes_monitor`"), ("max_it 50", None)])
+def test_petsc_options_that_nobody_asks_for_are_named(method, name, complaint):
+    result = command("--method", method, *f"-belt_snes_{name}".split(), stdout=subprocess.PIPE)
+    assert result.returncode == (2 if complaint else 0)
+    if complaint:
+        expected = f"`-belt_snes_{name}` must be an option of the solvers of the method {method}, {complaint}"
+        assert expected in result.stderr and "rad" not in result.stdout
+
+
+@serial
+def test_a_misspelt_option_leaves_no_rows(tmp_path):
+    argv = ["sweep", "--over", "pulleys.0.x_trans=0,0.1", "--out", str(tmp_path / "table.csv"), "--rtol", "1e-4"]
+    assert command(*argv, "-belt_snes_mnitor", stdout=subprocess.PIPE).returncode == 2
+    assert command(*argv, stdout=subprocess.PIPE).returncode == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"]
+
+
+@serial
+@pytest.mark.parametrize("argv", [("--method", "bvp"), ("--help",), ("--version",), tuple(GRID)], ids=" ".join)
+@pytest.mark.parametrize(
+    ("redirected", "code", "complaint"),
+    [
+        (">/dev/full", 1, "belt-fenicsx: the result could not be written: No space left on device.\n"),
+        (">&-", 1, "belt-fenicsx: the result could not be written: standard output is closed.\n"),
+        ("| true", 141, ""),
+        (">&- 2>&-", 1, ""),
+    ],
+)
+def test_an_output_that_takes_nothing(argv, redirected, code, complaint):
+    script = 'set -o pipefail; "$@" ' + redirected
+    words = [sys.executable, "-m", "belt_fenicsx", *argv]
+    result = subprocess.run(["bash", "-c", script, "bash", *words], stderr=subprocess.PIPE, text=True, timeout=120)
+    assert (result.returncode, result.stderr) == (code, complaint)
 
 
 @serial

@@ -1,9 +1,12 @@
 """Files: what is written comes back, and nothing is left half-written."""
 
 import csv
+import dataclasses
 import io
 import json
+import struct
 from dataclasses import replace
+from zipfile import ZipFile
 
 import meshio
 import numpy as np
@@ -12,7 +15,7 @@ from mpi4py import MPI
 
 from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, cli, load_scene, solve
 from belt_fenicsx import augmented_lagrangian as fixed
-from belt_fenicsx.files import export, fields_csv, load, replaced, save, write_centreline
+from belt_fenicsx.files import export, fields_csv, load, replaced, save, to_plain, write_centreline
 
 serial = pytest.mark.serial
 
@@ -38,6 +41,13 @@ def test_a_failed_solution_comes_back_too(tmp_path):
     save(failed, tmp_path / "failed.npz")
     again = load(tmp_path / "failed.npz")
     assert (again.status, again.message, again.fields) == (failed.status, failed.message, None)
+
+
+@serial
+def test_every_part_of_a_solution_is_kept(solution):
+    """Whatever a solution gains: what compares has to come back."""
+    left_aside = {"fields", "state", "evaluator"}
+    assert set(to_plain(solution)) == {f.name for f in dataclasses.fields(Solution)} - left_aside
 
 
 @serial
@@ -108,6 +118,99 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
         raise KeyboardInterrupt
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@serial
+def test_a_link_leads_no_file_astray(tmp_path, monkeypatch):
+    victim, path = tmp_path / "victim", tmp_path / "result.txt"
+    victim.write_text("old")
+    path.symlink_to(victim)
+    with replaced(path) as partial:
+        partial.write_text("new")
+    assert (victim.read_text(), path.read_text(), path.is_symlink()) == ("old", "new", False)
+
+    monkeypatch.setattr("secrets.token_hex", lambda count: "known")
+    (tmp_path / ".known.txt").symlink_to(victim)
+    with pytest.raises(FileExistsError), replaced(path):
+        pass
+    assert victim.read_text() == "old"
+
+
+@serial
+def test_files_are_as_readable_as_others(tmp_path):
+    (tmp_path / "other").touch()
+    with replaced(tmp_path / "result.txt") as partial:
+        partial.write_text("new")
+    assert (tmp_path / "result.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@serial
+@pytest.mark.parametrize("length", [250, 300])
+def test_long_names(length, tmp_path, capsys):
+    path = tmp_path / ("a" * (length - 4) + ".csv")
+    sweep = ["sweep", "--method", "bvp", "--over", "pulleys.0.x_trans=0,0.1", "--out", str(path)]
+    for argv in (sweep, ["--method", "bvp", "--out", str(path)]):
+        if length == 250 and argv[0] != "sweep":
+            continue
+        assert cli.main(argv) == 2
+        assert "`--out` must name a file that can be made, got File name too long" in capsys.readouterr().err
+
+
+@serial
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("p", lambda p: p[:-1], "fields.p"),
+        ("r", lambda r: r[:, :1], "fields.r"),
+        ("zone", lambda zone: zone + 4, "fields.zone"),
+        ("zone", lambda zone: zone.astype(float), "fields.zone"),
+        ("M", lambda M: M.astype(str), "fields.M"),
+        ("p", None, "arrays"),
+        ("solution", lambda text: str(text).replace('"f", ', ""), "arrays"),
+        ("solution", lambda text: str(text).replace('"iterations": ', '"iterations": "3", "x": '), "solution"),
+        ("solution", lambda text: str(text).replace("SOLVED", "SOVLED"), "solution"),
+        ("solution", lambda text: str(text).replace("stick", 'stick", "more": "'), "solution"),
+        ("solution", lambda text: "[" * 100_000, "RecursionError"),
+    ],
+)
+def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, tmp_path):
+    solution.save(tmp_path / "result.npz")
+    with np.load(tmp_path / "result.npz") as file:
+        content = dict(file)
+    content.update({name: change(content[name])} if change else {})
+    if change is None:
+        del content[name]
+    np.savez(tmp_path / "other.npz", **content)
+    with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
+        load(tmp_path / "other.npz")
+
+
+@serial
+def test_a_list_of_members_that_is_cut_off_is_no_solution_without_fields(solution, tmp_path):
+    solution.save(tmp_path / "result.npz")
+    content = bytearray((tmp_path / "result.npz").read_bytes())
+    # The length of the comment to the first member, in the list of members, which then takes the others for it.
+    content[content.index(b"PK\x01\x02") + 33] = 0x80
+    (tmp_path / "result.npz").write_bytes(content)
+    with pytest.raises(SceneError, match="`arrays` must be zone, weight, .* got none"):
+        load(tmp_path / "result.npz")
+
+
+@serial
+def test_checksums_are_compared(solution, tmp_path):
+    changed = dataclasses.replace(solution.fields, p=solution.fields.p * 1.001)
+    solution.save(tmp_path / "one.npz")
+    replace(solution, fields=changed).save(tmp_path / "other.npz")
+    content, sums = (tmp_path / "other.npz").read_bytes(), []
+    for name in ("one.npz", "other.npz"):
+        with ZipFile(tmp_path / name) as archive:
+            sums.append(struct.pack("<L", archive.getinfo("p.npy").CRC))
+    assert load(tmp_path / "other.npz").fields == changed
+    (tmp_path / "other.npz").write_bytes(content.replace(sums[1], sums[0]))
+    with pytest.raises(
+        SceneError, match="`path` must name a file that `save` wrote .*`p.npy` must be as it was written"
+    ):
+        load(tmp_path / "other.npz")
 
 
 @serial

@@ -153,6 +153,68 @@ def test_a_mesh_that_is_no_line(tmp_path):
         node_positions(tmp_path / "bent.vtu", length=1.0)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.txt", "\ufeff{}"),
+        ("a.TXT", "# nodes [m]\n\n{}"),
+        ("a.csv", "{}"),
+        ("a.csv", "x [m]\n{}"),
+        ("a.CSV", "\ufeffx\n{}"),
+        ("row.csv", None),
+        ("a.npy", None),
+    ],
+)
+def test_files_of_positions(name, content, tmp_path):
+    path = tmp_path / name
+    if name == "a.npy":
+        np.save(path, GOOD)
+    elif name == "row.csv":
+        path.write_text(",".join(map(repr, GOOD.tolist())))
+    else:
+        path.write_text(content.format("\n".join(map(repr, GOOD.tolist()))), encoding="utf-8")
+    assert np.array_equal(node_positions(path, length=1.0), GOOD)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.txt", "0,5\n0,6\n", "have one position in a line, with a decimal point, got '0,5'"),
+        ("a.csv", "0,5\n0,6\n", "have one position in a line, with a decimal point, got '0,5'"),
+        ("a.txt", "", "hold positions, got none in"),
+        ("a.csv", "x\n", "hold positions, got none in"),
+        ("a.npy", "", "name a file of positions"),
+    ],
+)
+def test_files_without_positions(name, content, expected, tmp_path):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(SceneError, match=f"`mesh` must {expected}"):
+        node_positions(tmp_path / name, length=1.0)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        (np.delete(np.arange(20), 7), "one chain of lines, got none from x = -0.15 to the next node"),
+        (np.append(np.arange(20), 3), None),
+        ([*((i, i + 1) for i in range(20)), (3, 9)], "one chain of lines, got 21 lines between 21 nodes"),
+    ],
+)
+def test_lines_that_are_no_chain(cells, expected, tmp_path):
+    lines = [(i, i + 1) for i in cells] if np.ndim(cells) == 1 else cells
+    # Off the axis by rounding, as a generator leaves it.
+    points = np.column_stack([GOOD, np.full((21, 2), 1e-18)])
+    meshio.Mesh(points, [("line", lines)]).write(tmp_path / "a.vtu")
+    if expected is None:
+        assert np.array_equal(node_positions(tmp_path / "a.vtu", length=1.0), GOOD)
+        return
+    with pytest.raises(SceneError, match=expected):
+        node_positions(tmp_path / "a.vtu", length=1.0)
+
+
 def test_a_mesh_excludes_elements_and_fitted_zones():
     with pytest.raises(SceneError, match="`elements` must be left out with a mesh"):
         solve_fixed(Scene(), mesh=GOOD, elements=20)

@@ -5,7 +5,15 @@ from pathlib import Path
 import pytest
 
 from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError, StiffnessBelt
-from belt_fenicsx.scene_file import load_scene, parse_assignment, scene_from_dict, scene_to_dict, with_values
+from belt_fenicsx.scene_file import (
+    left_out,
+    load_scene,
+    parse_assignment,
+    read_data,
+    scene_from_dict,
+    scene_to_dict,
+    with_values,
+)
 
 DEMOS = Path(__file__).parent.parent / "demos"
 STIFF = StiffnessBelt(length=1.1, bending_stiffness=5.0, extensional_stiffness=2e5, shear_stiffness=9e4)
@@ -94,6 +102,44 @@ def test_bad_file(tmp_path, text, field, expected):
     assert Path(caught.value.field).name == field
     assert expected in caught.value.expected
     assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_byte_order_mark_is_no_part_of_the_file(encoding, tmp_path):
+    (tmp_path / "scene.toml").write_text("span = 0.9", encoding=encoding)
+    assert load_scene(tmp_path / "scene.toml") == Scene(span=0.9)
+
+
+@pytest.mark.parametrize("text", ["span = 0,9", "[belt]\nlength = 1,5 # [m]\n", "span = -1,0\ntransport_rate = 1"])
+def test_a_decimal_comma_is_named(text, tmp_path):
+    with pytest.raises(SceneError, match="decimal points"):
+        load_scene(write(tmp_path, text))
+
+
+def test_names_cannot_talk_to_the_terminal(tmp_path):
+    with pytest.raises(SceneError) as caught:
+        load_scene(write(tmp_path, '"\\u001b[31m" = 1'))
+    assert str(caught.value).startswith(r"`\x1b[31m` must be one of")
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "names"),
+    [
+        ((DEMOS / "one_pulley.toml").read_text(), (), []),
+        ("", ("belt", "pulleys", "span"), ["transport_rate"]),
+        ("span = 1\n[belt]\nlength = 1\nwidth = 0.2", ("pulleys.0",), [
+            "belt.youngs_modulus", "belt.poisson_ratio", "belt.thickness", "transport_rate"]),
+        ("[[pulleys]]\nradius = 0.6\nomega = 1.4", ("belt", "span", "transport_rate"), [
+            "pulleys.0.center", "pulleys.0.friction"]),
+        ("[[pulleys]]\ncenter = [0, -0.6]", ("belt", "span", "transport_rate", "pulleys.0.center.0"), [
+            "pulleys.0.radius", "pulleys.0.friction", "pulleys.0.x_trans", "pulleys.0.slip"]),
+    ],
+)  # fmt: skip
+def test_what_a_file_leaves_out(text, given, names, tmp_path):
+    data = read_data(write(tmp_path, text))
+    scene = scene_from_dict(data)
+    assert set(left_out(scene, data, given)) == set(names)
+    assert all(with_values(scene, {name: value}) == scene for name, value in left_out(scene, data, given).items())
 
 
 def test_invalid_toml_names_the_line(tmp_path):

@@ -46,6 +46,17 @@ def test_a_list_of_scenes_is_solved_in_its_order(table):
     assert sweep(scenes, solver=bvp.solve)["omega"] == pytest.approx(table["omega"][::-1], rel=1e-8)
 
 
+def test_several_values_at_once():
+    paths, values = ("pulleys.0.friction", "pulleys.0.x_trans"), tuple(itertools.product((0.2, 0.3), (0.0, 0.1)))
+    table = sweep(Scene(), over=list(paths), values=values, solver=quick)
+    pulleys = [solution.scene.pulleys[0] for solution in table.solutions]
+    assert [(pulley.friction, pulley.x_trans) for pulley in pulleys] == list(values)
+    head, *rows = csv.reader(io.StringIO(table.csv()))
+    assert tuple(head[:2]) == paths == table.over
+    assert [tuple(map(float, row[:2])) for row in rows] == list(values)
+    assert repr(table).startswith("<Sweep of 4 scenes over pulleys.0.friction, pulleys.0.x_trans = (0.2, 0.0) ... ")
+
+
 def test_csv_reads_back(table):
     head, *rows = csv.reader(io.StringIO(table.csv()))
     assert head[:3] == ["pulleys.0.x_trans", "omega [rad/s]", "x_up [m]"]
@@ -88,6 +99,8 @@ def test_a_warm_start_that_fails_is_followed_by_a_cold_one():
         ([Scene()], "pulleys.0.x_trans", (0.0,), "over"),
         (Scene(), "pulleys.0.frictoin", (0.1,), "pulleys.0.frictoin"),
         (Scene(), "pulleys.0.friction", (0.1, -0.1), "pulleys.0.friction"),
+        (Scene(), ("span", "pulleys.0.friction"), ((1.0, 0.1), (1.0,)), "values"),
+        (Scene(), ("span", "pulleys.0.friction"), (1.0, 0.1), "values"),
     ],
 )
 def test_bad_arguments(scenes, over, values, field):
@@ -142,6 +155,11 @@ def test_finite_elements_solve_each_scene_on_one_rank(comm):
     assert together["omega"] == pytest.approx(alone["omega"], rel=1e-8)
 
 
+def test_answers_of_other_ranks_know_their_fields_between_points(comm):
+    result = over_ranks(comm, solve)
+    assert [solution.evaluate(0.0).p[0] > 0.0 for solution in result.solutions] == [True] * len(MANY)
+
+
 def test_fewer_scenes_than_ranks(comm):
     assert sweep([Scene()], solver=quick, comm=comm)["omega"] == pytest.approx([1.4807092526], rel=1e-4)
     assert sweep([], solver=quick, comm=comm).solutions == ()
@@ -155,6 +173,15 @@ def test_an_error_on_one_rank_is_raised_on_all(comm):
 
     with pytest.raises(ZeroDivisionError, match="on one rank"):
         over_ranks(comm, solver)
+
+
+def test_the_end_of_one_rank_is_that_of_all(comm):
+    def told(index, solution):
+        if index == 0:
+            raise SystemExit(7)
+
+    with pytest.raises(SystemExit, match="7"):
+        over_ranks(comm, on_solved=told)
 
 
 def test_an_error_that_cannot_travel_keeps_its_name(comm):
@@ -213,7 +240,7 @@ def test_a_sweep_that_was_stopped_goes_on_where_it_was(comm, shared, broken):
 
 
 def quick_again(called):
-    def solver(scene, *, initial, throw, rtol):
+    def solver(scene, *, initial, throw, rtol=1e-4):
         called.append(scene)
         return quick(scene, initial=initial, rtol=rtol)
 
@@ -232,11 +259,35 @@ def test_other_arguments_are_another_sweep(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         over_ranks(None, interrupted, out=table, rtol=1e-4)
-    (line,) = filter(None, (tmp_path / "table.csv.part.0").read_text().splitlines())
+    side = tmp_path / "table.csv.part.0"
+    (line,) = filter(None, side.read_text().splitlines())
     assert json.loads(line)["solution"]["status"] == "SOLVED"
+    with pytest.raises(SceneError, match=f"remove {side}.*got 1 answers to other"):
+        over_ranks(None, quick, out=table, rtol=1e-5)
+    assert side.exists()
+    side.unlink()
     again = []
     over_ranks(None, quick_again(again), out=table, rtol=1e-5)
     assert len(again) == len(MANY)
+
+
+@pytest.mark.serial
+def test_a_sweep_may_grow(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        over_ranks(None, failing_at(MANY[2]), out=tmp_path / "table.csv")
+    again = []
+    more = (*MANY, 0.15)
+    arguments = {"over": "pulleys.0.x_trans", "solver": quick_again(again), "out": tmp_path / "table.csv"}
+    assert len(sweep(Scene(), values=more, **arguments).solutions) == len(more) == len(again) + 2
+
+
+def failing_at(place):
+    def solver(scene, *, initial, throw, rtol=1e-4):
+        if scene.pulleys[0].x_trans == place:
+            raise ZeroDivisionError
+        return quick(scene, initial=initial)
+
+    return solver
 
 
 @pytest.mark.serial
