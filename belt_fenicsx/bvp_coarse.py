@@ -24,7 +24,6 @@ CONTINUATIONS = (  # stiffnesses on the way, over the belt's
     ("a", (10.0, 3.0, 1.0)),
 )
 MOST_ORDERS = 8  # that are tried one after another
-MOST_GROWTH = 25.0  # of the logarithm of the tension along a contact; the smaller one is rounding to the larger one
 SHORTEST = 1e-6  # part of the contact that sticks or slides in a first guess, at least
 SURE, SURELY = 96, 1e-10  # intervals and end of Newton's iteration, for the limits of a transition
 
@@ -85,14 +84,9 @@ def placed(run: Run, near: State | None = None) -> State:
         Stopped: There is none.
     """
     pulley, order = run.scene.pulleys[0], asked(run.scene.pulleys[0])
-    problem, angles = pose(run.scene, order), taut_string(run.scene).angles
-    if (growth := pulley.friction * (angles[1] - angles[2])) > MOST_GROWTH:
-        raise Stopped(
-            Status.CONTACT_LOST,
-            f"Sliding along {angles[1] - angles[2]:.3g} rad changes the tension by a factor of exp({growth:.3g}): "
-            "the belt is slack at one end of the contact. Let it slide along less of the pulley.",
-            final=True,
-        )
+    if slack := taut_string(run.scene).slack:
+        raise Stopped(Status.CONTACT_LOST, slack, final=True)
+    problem = pose(run.scene, order)
     first = run.converged(State(order, problem, guess(problem, run.scene, run.intervals)), "taut string")
     run.stages.ran("taut string", "no plausible solution yet", first.discrete.iterations)
     if first.plausible and (state := ordered(run, first)).plausible:

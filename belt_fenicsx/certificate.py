@@ -114,6 +114,14 @@ def certify(
     return tuple(checks)
 
 
+def transmissible(friction: float, pressure: float) -> float:
+    """Force that friction can transmit [N], from the integral of the pressure; that of mu = 1 where mu is larger.
+
+    With mu far above one, the belt gets slack long before the bound is reached.
+    """
+    return min(friction, 1.0) * pressure
+
+
 def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, ...]:
     """Whether the place, the speed or the torque that drives the pulley is met, relative to what friction can transmit.
 
@@ -121,17 +129,18 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     nothing sticks, any speed is met. A place is missed by its distance, relative to the contact.
     """
     pulley, b1 = scene.pulleys[0], scene.belt.extensional_stiffness
-    capacity = pulley.friction * float(fields.weight @ fields.p)
+    capacity = transmissible(pulley.friction, float(fields.weight @ fields.p))
     if not capacity > 0.0 or isinstance(pulley.x_trans, str):
         return ()
-    missed = abs(getattr(contact, pulley.drive) - getattr(pulley, pulley.drive))
-    # In units of the force that friction can transmit, or of the contact's length.
-    missed *= {
-        "x_trans": 1.0 / (contact.x_off - contact.x_up),
-        "torque": 1.0 / (pulley.radius * capacity),
-        "omega": pulley.radius / scene.transport_rate * b1 / capacity,
+    # Turns what is missed into a part of the contact, or of the force that friction can transmit.
+    unit = {
+        "x_trans": contact.x_off - contact.x_up,
+        "torque": pulley.radius * capacity,
+        "omega": scene.transport_rate / pulley.radius * capacity / b1,
     }[pulley.drive]
-    unknown = ROUNDING * b1 / capacity
+    given = getattr(pulley, pulley.drive)
+    missed = abs(getattr(contact, pulley.drive) - given) / unit
+    unknown = ROUNDING * max(b1 / capacity, abs(given) / unit)
     return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.certificate import DRIVE, ROUNDING, SENSE
+from belt_fenicsx.certificate import DRIVE, ROUNDING, SENSE, transmissible
 from belt_fenicsx.condensed import local
 from belt_fenicsx.fields import Array, Fields
 from belt_fenicsx.fitted_newton import Newton
@@ -122,6 +122,8 @@ def _bent(run: Run, *, held: bool = True) -> State:
     string = taut_string(run.scene)
     if string is None:
         raise Stopped(Status.CONTACT_LOST, "The straight belt is clear of the pulley.")
+    if string.slack:
+        raise Stopped(Status.CONTACT_LOST, string.slack)
     pressed = _pressed(run.scene, string)
     if pressed is not None:
         string, held = taut_string(run.scene, pressed) or string, True
@@ -268,7 +270,7 @@ def meets(run: Run, state: State) -> bool:
         return True
     ahead = _ahead(run.scene, state)
     if STICK in zones.parts or zones.parts[1].sense * ahead > 0.0:
-        return abs(ahead) <= DRIVE * pulley.friction * state.pressure_force + ROUNDING
+        return abs(ahead) <= DRIVE * transmissible(pulley.friction, state.pressure_force) + ROUNDING
     if pulley.drive == "omega":
         return True
     if state.degree < FINE:

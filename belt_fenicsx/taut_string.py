@@ -19,6 +19,7 @@ from belt_fenicsx.scene import Pulley, Scene
 
 LEAST_STRAIN = 1e-3  # a belt longer than its path is not taut; it gets the forces of this strain all the same
 TINY = 1e-300  # angle of a straight line, whose sine over itself is still one
+MOST_GROWTH = 25.0  # of the logarithm of the tension along a contact; the smaller one is rounding to the larger one
 PIECES = np.linspace(0.0, 1.0, 33)  # of the arc behind the transition
 
 
@@ -37,6 +38,7 @@ class TautString:
         r_ends: Positions of these ends ``(n + 1, 2)`` [m].
         phi_ends: Angles of the tangent there ``(n + 1,)`` [rad].
         stretches: Stretch of each piece ``(n,)`` [-].
+        growth: Logarithm of the factor by which sliding behind the transition changes the tension [-].
     """
 
     borders: Array
@@ -47,6 +49,17 @@ class TautString:
     r_ends: Array
     phi_ends: Array
     stretches: Array
+    growth: float
+
+    @property
+    def slack(self) -> str:
+        """Why no belt can slide as far as this string; empty where one can."""
+        if self.growth <= MOST_GROWTH:
+            return ""
+        return (
+            f"Sliding along {self.angles[1] - self.angles[2]:.3g} rad changes the tension by a factor of "
+            f"exp({self.growth:.3g}): the belt is slack at one end of the contact. Let it slide along less of it."
+        )
 
     def D(self, sigma: Array) -> Array:
         """Stretch at ``sigma`` ``(m,)`` [-]."""
@@ -92,7 +105,8 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     lengths = (phi_ends[:-1] - phi_ends[1:]) * pulley.radius
     lengths[0], lengths[-1] = before, after
     slid = np.concatenate([[0.0, 0.0], (turned[1:] + turned[:-1]) / 2, turned[-1:]])
-    growth = np.exp((-1.0 if pulley.slip == "backward" else 1.0) * pulley.friction * slid)
+    power = pulley.friction * slid
+    growth = np.exp((-1.0 if pulley.slip == "backward" else 1.0) * np.minimum(power, 2.0 * MOST_GROWTH))
     strain = _strain(lengths, growth, scene.belt.length)
     stretches = 1.0 + strain * growth
     # A slack belt fills its path with a stretch below one.
@@ -109,6 +123,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
         r_ends=vectors(np.append(0.0, np.cumsum(_chord(lengths, phi_ends[:-1], phi_ends[1:]))) - scene.span / 2),
         phi_ends=phi_ends,
         stretches=stretches,
+        growth=float(power.max()),
     )
 
 

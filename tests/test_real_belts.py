@@ -178,3 +178,24 @@ def test_a_rescue_is_named():
     solution = solve(scene(torque=(1.0 - 1e-5) * CAPACITY))
     stages = {stage.name: stage.why for stage in solution.stages}
     assert stages["boundary-value problem"].endswith("it may find the zones")
+
+
+@pytest.mark.parametrize("friction", [200.0, 1e3, 1e9])
+@pytest.mark.parametrize("method", [solve, bvp.solve])
+def test_friction_that_leaves_the_belt_slack_is_named(method, friction):
+    solution = method(scene(friction=friction), throw=False)
+    assert solution.status is Status.CONTACT_LOST
+    assert "the belt is slack at one end of the contact" in solution.message
+
+
+@pytest.mark.parametrize("drive", [{"torque": 10.0}, {"omega": 1.48}])
+def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed(drive):
+    solution = solve(scene(friction=1e9, **drive), throw=False)
+    assert not solution.success
+
+
+@pytest.mark.parametrize("omega", [-5.0, 0.0, 1e6])
+def test_speeds_far_from_the_belts_slide_all_along(omega):
+    (contact,) = solve(scene(omega=omega)).contacts
+    assert contact.omega == pytest.approx(omega, rel=1e-14, abs=0.0)
+    assert abs(contact.torque) == pytest.approx(CAPACITY, rel=1e-8)
