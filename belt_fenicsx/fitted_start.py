@@ -78,7 +78,10 @@ class Run:
         """
         if self.stages.iterations >= self.most:
             tried = ", ".join(dict.fromkeys(stage.why for stage in self.stages if stage.iterations))
-            message = f"At degree {state.degree}, from {why}: {self.most} iterations are spent, tried were {tried}."
+            message = (
+                f"At degree {state.degree}, from {why}: {self.most} iterations are spent, tried were {tried}. "
+                "Start from a solution nearby (`initial`)."
+            )
             raise Stopped(Status.NEWTON_DIVERGED, message)
         result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
         self.stages.ran(f"degree {state.degree}", why, abs(iterations))

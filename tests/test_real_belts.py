@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Status, bvp, solve
+from belt_fenicsx.fitted import solved
+from belt_fenicsx.fitted_newton import newton
+from belt_fenicsx.fitted_start import Run, starts
 
 pytestmark = pytest.mark.serial
 DEMOS = Path(__file__).parent.parent / "demos"
@@ -164,14 +167,14 @@ def test_a_transition_outside_of_the_contact_is_told_its_interval_in_order():
     assert low < high < 2e-5
 
 
-def test_the_budget_of_iterations_ends_a_solve():
-    # No transition can lie in a contact that is a point.
-    hopeless = flat(1.2e-3, center=(0.0, -0.0599), x_trans=0.03)
-    try:
-        solution = solve(hopeless, throw=False)
-    except SceneError:
-        return
-    assert not solution.success and solution.iterations < 1000
+def test_the_budget_of_iterations_ends_a_solve_and_says_where():
+    dimensionless, units = Scene().dimensionless()
+    run = Run(Scene(), dimensionless, units, None, newton(()), most=3)
+    solution = solved(run, starts(run, None), 1e-8, None)
+    assert solution.status is Status.NEWTON_DIVERGED
+    assert solution.message.startswith(
+        "At degree 6, from the degree before: 3 iterations are spent, tried were the taut"
+    )
 
 
 def test_a_rescue_is_named():
