@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from belt_fenicsx.fields import Array, Fields
+from belt_fenicsx.fields import Array, Fields, places
 from belt_fenicsx.scene import Scene, SceneError
 from belt_fenicsx.solution import Check, Contact, Solution, Status, Zone
 
@@ -18,6 +19,26 @@ DRIVE = 1e-9  # of what friction can transmit, by which a drive may be missed
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a force, in units of the extensional stiffness
 MOST = 1e-3  # of what is checked, that the estimated error of a field may excuse
 SENSE = {"forward": 1.0, "backward": -1.0}
+
+
+class Condition(NamedTuple):
+    """What holds at all points of some zones: values relative to their size are at least zero, up to what is unknown.
+
+    Attributes:
+        name: Its name.
+        kinds: Kinds of zones in which it holds.
+        values: The values ``(n,)``.
+        size: Their size ``(n,)``.
+        error: Their estimated error, of which a part `MOST` of the size counts at most.
+        rounding: Their rounding error.
+    """
+
+    name: str
+    kinds: tuple[str, ...]
+    values: Array
+    size: Array
+    error: float = 0.0
+    rounding: float = 0.0
 
 
 def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> Solution:
@@ -78,38 +99,28 @@ def certify(
     Returns:
         One check for each condition that the zones call for.
     """
-    pulley, checks = scene.pulleys[0], [_borders_in_order(scene, zones)]
-    touching, sticking, sliding = (
-        np.array([zone.kind in kinds for zone in zones])[fields.zone]
-        for kinds in (("stick", "slip"), ("stick",), ("slip",))
-    )
-
-    def check(name: str, where: Array, values: Array, size: Array, error: float = 0.0, rounding: float = 0.0) -> None:
-        """Adds a check: where they count, values relative to their size are at least zero, up to error and rounding."""
-        if where.any():
-            # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
-            sizes = np.where(size > 0.0, size, math.nan)[where]
-            margins, allowed = values[where] / sizes, tolerance + np.minimum(error / sizes, MOST) + rounding / sizes
-            index = int((margins + allowed).argmin())
-            x = float(fields.x[where][index])
-            checks.append(Check(name=name, margin=float(margins[index]), tolerance=float(allowed[index]), x=x))
-
-    everywhere = np.ones_like(fields.p)
-    p_max = np.max(fields.p, initial=0.0)
-    gap = np.hypot(*(fields.r - np.asarray(pulley.center)).T) - pulley.radius
-    check("no penetration outside contact", ~touching, gap, pulley.radius * everywhere)
-    check("positive pressure in contact", touching, fields.p, p_max * everywhere)
+    pulley, p_max = scene.pulleys[0], float(fields.p.max(initial=0.0))
+    arm = places(fields.r) - complex(*pulley.center)
+    everywhere = np.ones(fields.p.size)
+    conditions: list[Condition] = [
+        Condition("no penetration outside contact", ("free",), np.abs(arm) - pulley.radius, pulley.radius * everywhere),
+        Condition("positive pressure in contact", ("stick", "slip"), fields.p, p_max * everywhere),
+    ]
     if pulley.friction > 0.0:
-        bound, f = pulley.friction * fields.p, np.abs(fields.f)
+        bound, f, speed = pulley.friction * fields.p, np.abs(fields.f), np.abs(fields.v_rel)
         unknown = errors.get("f", 0.0) * float(f.max())
-        check("Coulomb's bound in stick", sticking, bound - f, np.abs(bound), unknown)
-        sense = np.array([SENSE.get(zone.slip or "", 0.0) for zone in zones])[fields.zone]
-        speed = np.abs(fields.v_rel)
-        largest = np.array([speed[fields.zone == index].max(initial=0.0) for index in range(len(zones))])[fields.zone]
-        unknown, least = errors.get("v_rel", 0.0) * float(speed.max()), ROUNDING * scene.transport_rate
-        check("sense of sliding in slip", sliding, sense * fields.v_rel, np.maximum(largest, least), unknown, least)
+        conditions.append(Condition("Coulomb's bound in stick", ("stick",), bound - f, np.abs(bound), unknown))
+        senses, largest = np.zeros(len(zones)), np.zeros(len(zones))
+        for index, zone in enumerate(zones):
+            if zone.slip is not None:
+                senses[index], largest[index] = SENSE[zone.slip], speed[fields.zone == index].max(initial=0.0)
+        ahead, unknown = senses[fields.zone] * fields.v_rel, errors.get("v_rel", 0.0) * float(speed.max())
+        least = ROUNDING * scene.transport_rate
+        size = np.maximum(largest, least)[fields.zone]
+        conditions.append(Condition("sense of sliding in slip", ("slip",), ahead, size, unknown, least))
+    checks = [_borders_in_order(scene, zones), *_smallest_margins(zones, fields, conditions, tolerance)]
     allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
-    for name, margin in _balances(scene, fields):
+    for name, margin in _balances(scene, fields, arm):
         checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))
     return tuple(checks)
 
@@ -120,6 +131,35 @@ def transmissible(friction: float, pressure: float) -> float:
     With mu far above one, the belt gets slack long before the bound is reached.
     """
     return min(friction, 1.0) * pressure
+
+
+def _smallest_margins(
+    zones: tuple[Zone, ...],
+    fields: Fields,
+    conditions: Sequence[Condition],
+    tolerance: float,
+) -> list[Check]:
+    """Checks of conditions at all points at once, each where its margin is smallest.
+
+    Args:
+        zones: All zones.
+        fields: Fields, in the zones.
+        conditions: The conditions.
+        tolerance: Negative relative margin that the discretisation is allowed.
+    """
+    names, kinds, *columns = zip(*conditions, strict=True)
+    values, sizes, errors, roundings = (np.array(column) for column in columns)
+    where = np.array([[zone.kind in wanted for zone in zones] for wanted in kinds]).take(fields.zone, axis=1)
+    # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
+    sizes[~(sizes > 0.0)] = math.nan
+    margins = values / sizes
+    allowed = tolerance + np.minimum(errors[:, None] / sizes, MOST) + roundings[:, None] / sizes
+    worst = np.where(where, margins + allowed, math.inf).argmin(axis=1).tolist()
+    return [
+        Check(name=name, margin=float(margins[at]), tolerance=float(allowed[at]), x=float(fields.x[at[1]]))
+        for name, at in zip(names, enumerate(worst), strict=True)
+        if where[at]
+    ]
 
 
 def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, ...]:
@@ -144,36 +184,33 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 
-def _balances(scene: Scene, fields: Fields) -> list[tuple[str, float]]:
+def _balances(scene: Scene, fields: Fields, arm: Array) -> list[tuple[str, float]]:
     """Names and margins of the equilibrium of the whole belt between its clamps, integrated from (18.17).
 
     What the pulley exerts, summed up along the contact, has to be what the belt's forces and moments in the two free
     spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to
     the tension, the largest force in the belt.
+
+    Args:
+        scene: The scene.
+        fields: Fields.
+        arm: Positions as seen from the pulley's centre, in the complex plane ``(n,)``.
     """
-    pulley = scene.pulleys[0]
-    if not np.any(fields.p):
+    if not fields.p.any():
         return []
-    # Vectors in the complex plane.
-    arm = fields.x - pulley.center[0] + 1j * (fields.y - pulley.center[1])
-    force = (fields.Q[:, 0] + 1j * fields.Q[:, 1]) * np.exp(1j * fields.theta)
-    load = (fields.f + 1j * fields.p) * np.exp(1j * fields.phi)
+    force = places(fields.Q) * np.exp(1j * fields.theta)
+    load = (fields.f + 1j * fields.p) * np.exp(1j * fields.phi) * fields.weight
     moment = fields.M + (arm.conj() * force).imag
     # Constant in a free span; its mean is what a fixed mesh holds in equilibrium where it does not resolve the layers.
-    first, last = (_mean(fields.zone == zone, fields.weight) for zone in (0, fields.zone[-1]))
-    defect = fields.weight @ load + (last - first) @ force
-    twist = fields.weight @ (arm.conj() * load).imag + (last - first) @ moment
+    up, off = fields.zone.searchsorted([1, fields.zone[-1]])
+    first, last = (fields.weight[span] / fields.weight[span].sum() for span in (slice(up), slice(off, None)))
+    defect = load.sum() + last @ force[off:] - first @ force[:up]
+    twist = np.vdot(arm, load).imag + last @ moment[off:] - first @ moment[:up]
     tension = np.abs(force).max()
     return [
         ("balance of forces", -float(abs(defect) / tension)),
-        ("balance of moments", -float(abs(twist) / (tension * pulley.radius))),
+        ("balance of moments", -float(abs(twist) / (tension * scene.pulleys[0].radius))),
     ]
-
-
-def _mean(where: Array, weight: Array) -> Array:
-    """Weights of the mean over a part of the belt."""
-    part = where * weight
-    return part / part.sum()
 
 
 def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:

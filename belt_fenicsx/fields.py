@@ -147,6 +147,11 @@ def vectors(places: Array) -> Array:
     return places.view(float).reshape(-1, 2)
 
 
+def places(vectors: Array) -> Array:
+    """Vectors ``(m, 2)`` as points of the complex plane ``(m,)``."""
+    return np.ascontiguousarray(vectors).view(complex)[:, 0]
+
+
 def same_values(one: Any, other: Any) -> bool:
     """Whether two values are equal: arrays as a whole, dataclasses by what they compare, and NaN equal to itself."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
