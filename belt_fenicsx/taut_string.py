@@ -111,7 +111,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     stretches = 1.0 + strain * growth
     # A slack belt fills its path with a stretch below one.
     stretches *= (lengths / stretches).sum() / scene.belt.length
-    sigma = np.append(-half, np.cumsum(lengths / stretches) - half)
+    sigma = _sums(lengths / stretches) - half
     sigma[-1] = half
     angles = np.array([up, trans, off])
     return TautString(
@@ -120,11 +120,18 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
         x=pulley.center[0] - pulley.radius * np.sin(angles),
         strain=strain * growth[[0, -1]],
         sigma=sigma,
-        r_ends=vectors(np.append(0.0, np.cumsum(_chord(lengths, phi_ends[:-1], phi_ends[1:]))) - scene.span / 2),
+        r_ends=vectors(_sums(_chord(lengths, phi_ends[:-1], phi_ends[1:])) - scene.span / 2),
         phi_ends=phi_ends,
         stretches=stretches,
         growth=float(power.max()),
     )
+
+
+def _sums(parts: Array) -> Array:
+    """Sums of no part, of the first one, of the first two and so on, ``(n + 1,)`` for ``(n,)``."""
+    sums = np.zeros(parts.size + 1, dtype=parts.dtype)
+    parts.cumsum(out=sums[1:])
+    return sums
 
 
 def _tangent(pulley: Pulley, across: float) -> float:
@@ -154,10 +161,12 @@ def _transition(pulley: Pulley, up: float, off: float) -> float:
 def _strain(lengths: Array, growth: Array, length: float) -> float:
     """Strain of the first piece, with which the pieces have this length in all when they are not stretched."""
     strain, weighted = LEAST_STRAIN / float(growth.min()), lengths * growth
-    # The length is a decreasing, convex function of the strain: Newton's iteration is monotonous from below.
+    # The reciprocal of the length is an increasing, concave function of the strain, and nearly linear: Newton's
+    # iteration is monotonous from below, and takes two or three steps.
     while True:
         shares = 1.0 / (1.0 + strain * growth)
-        step = float((lengths @ shares - length) / (weighted @ shares**2))
+        total = float(lengths @ shares)
+        step = (total - length) * (total / length) / float(weighted @ (shares * shares))
         if not step > 1e-12 * strain:
             return strain
         strain += step
