@@ -59,7 +59,8 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     D = np.abs(1.0 + strain)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.angle(1.0 + strain), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
+        v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 
@@ -73,7 +74,8 @@ def fields(scene: Scene, state: State) -> Fields:
     sigma, r, strain, D, theta, kappa, p, f, weight = (field.ravel()[points] for field in (*dense, weight))
     return Fields.from_state(
         scene.belt, zone=zone, weight=weight, sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.angle(1.0 + strain), D=D, kappa=kappa, p=p, f=f, v_rel=D - pulley_speed(scene, state),
+        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
+        v_rel=D - pulley_speed(scene, state),
     )  # fmt: skip
 
 

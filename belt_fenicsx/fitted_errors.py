@@ -26,6 +26,7 @@ LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
 LEAST = (
     2e-6  # part of the pressure's mean change by which the speed is wrong at least: its own can be small by accident
 )
+EPSILON = float(np.finfo(float).eps)
 ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
 BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
 # Part of a field's change that is left: of stretches, whose errors fall by more, and of all others.
@@ -35,10 +36,6 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
 STRETCH = 5e-12  # rounding error of a stretch at any point
 TRACTION = 1e-9  # of pressure and friction, relative to the largest, for each shear layer along the radius
-# Components of the fields that are compared; the bending moment goes with kappa.
-ROWS = {"r": 2, "theta": 1, "D": 1, "eps": 1, "Gamma": 1, "kappa": 1, "Q": 2, "p": 1, "f": 1, "v_rel": 1}
-
-
 STRETCHES = ("D", "eps", "v_rel")
 
 
@@ -81,9 +78,9 @@ def _known(scene: Scene, state: State) -> float:
 
 def rounding(scene: Scene, state: State) -> float:
     """Rounding error of the angular velocity: that of stretches, and of forces by bending in the shortest cells."""
-    shortest, belt = state.length.min(), scene.belt
+    shortest, belt = float(state.length.min()), scene.belt
     bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
-    return float(np.finfo(float).eps * (ROUNDING + BENDING * bending / shortest))
+    return EPSILON * (ROUNDING + BENDING * bending / shortest)
 
 
 def errors_of_fields(
@@ -104,23 +101,32 @@ def errors_of_fields(
     part_of_tractions = min(max(TRACTION_GAIN * fall, LEFT_OF_FIELDS), TRACTION_MOST)
     left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": part_of_tractions, "f": part_of_tractions}
     old, new = _table(scene, before), _table(scene, state)
-    starts = np.cumsum([0, *ROWS.values()])[:-1]
-    changes, largest = (np.maximum.reduceat(np.abs(table).max(axis=(1, 2)), starts) for table in (new - old, new))
-    sizes = dict(zip(ROWS, largest.tolist(), strict=True))
+    changes, sizes = _largest(scene, new - old), _largest(scene, new)
     sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
     slender = scene.pulleys[0].radius / shear_layer(scene, state.D_stick - 1.0)
     least = dict.fromkeys(STRETCHES, STRETCH) | {name: TRACTION * slender * sizes[name] for name in "pf"}
     errors = {}
-    for name, change_of_field in zip(ROWS, changes.tolist(), strict=True):
+    for name, change_of_field in changes.items():
         error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, least.get(name, 0.0))
         # Without friction, the traction f is zero, and so is its error.
         errors[name] = error / (sizes[name] or 1.0)
-    return {**errors, "M": errors["kappa"]}
+    return errors
 
 
 def _table(scene: Scene, state: State) -> Array:
-    """The fields of `ROWS` densely in all cells ``(rows, n, POINTS)``."""
-    dense, belt = state.dense, scene.belt
-    r, eps, Gamma, D = dense.r, dense.strain.real, dense.strain.imag, dense.D
-    Q1, Q2, v_rel = belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma, D - pulley_speed(scene, state)
-    return np.array([r.real, r.imag, dense.theta, D, eps, Gamma, dense.kappa, Q1, Q2, dense.p, dense.f, v_rel])
+    """Components of fields densely in all cells, those of which others are multiples ``(10, n, POINTS)``."""
+    dense, v_rel = state.dense, state.dense.D - pulley_speed(scene, state)
+    r, strain = dense.r, dense.strain
+    return np.array(
+        [r.real, r.imag, dense.theta, dense.D, strain.real, strain.imag, dense.kappa, dense.p, dense.f, v_rel]
+    )
+
+
+def _largest(scene: Scene, table: Array) -> dict[str, float]:
+    """Largest component of each field, from a table of such; the bending moment in units of its stiffness."""
+    x, y, theta, D, eps, Gamma, kappa, p, f, v_rel = np.abs(table).max(axis=(1, 2)).tolist()
+    Q = max(scene.belt.extensional_stiffness * eps, scene.belt.shear_stiffness * Gamma)
+    return {
+        "r": max(x, y), "theta": theta, "D": D, "eps": eps, "Gamma": Gamma, "kappa": kappa, "Q": Q, "p": p, "f": f,
+        "v_rel": v_rel, "M": kappa,
+    }  # fmt: skip
