@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fields import Array
 from belt_fenicsx.fitted_forms import CHORD, CONSTANTS, SWITCHES, forms, points
-from belt_fenicsx.fitted_state import State, on_chords, sum_error
+from belt_fenicsx.fitted_state import ENDS, State, on_chords, sum_error
 from belt_fenicsx.petsc_options import PREFIX, set_options
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import BEFORE, Mesh
@@ -44,7 +44,7 @@ class Iteration:
 
     Attributes:
         values: Unknowns of each cell ``(n, 5 k + 6)``, as in a state, but for theta, of which they are what it is more
-            than the angle of the cell's frame, and for the stretch in stick, of which they are the elongation.
+            than the angle of the cell's frame.
         chords: Data of each cell's chord ``(n, len(CHORD))``.
         ends: Ends of the zones ``(z + 1,)``.
         residuals: Computes the residual of each cell.
@@ -57,8 +57,10 @@ class Iteration:
         coefficients = np.empty((n, dofs + on.shape[1] + len(CHORD)))
         self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
         # In the complex plane, a turn is a product.
-        self._positions = slice(2 * (degree + 1))
-        self._deviation, self._chords = self.values[:, self._positions].view(complex), self.chords[:, :4].view(complex)
+        self._deviation = self.values[:, local(degree).r].view(complex)
+        self._chords, self._axis, self._strain = (
+            self.chords[:, columns].view(complex) for columns in (slice(4), slice(6, 8), slice(8, 10))
+        )
         switched[:] = on
         self._constants = np.zeros(len(CONSTANTS))
         compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
@@ -66,11 +68,9 @@ class Iteration:
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
         at = local(degree)
         self._touches = mesh.touches
-        self._zone, self._length, self._nodes = mesh.zone, at.sigma[1], points(degree)[0]
-        self._turn, self._elongation = slice(at.theta[0], at.theta[-1] + 1), at.D[0]
-        self._before, self._after = slice(mesh.ends[0]), slice(mesh.ends[-1], n)
+        self._zone, self._length, self._nodes = mesh.zone, at.sigma.stop - 1, points(degree)[0]
+        self._positions, self._others, self._turn = at.r, slice(at.theta.start, None), at.theta
         self._contact = slice(mesh.ends[0], mesh.ends[-1])
-        self._weights = np.empty((n, 2, 2))
 
     def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
         """Sets the parameters of a scene, the state to start from, and when to end.
@@ -93,21 +93,20 @@ class Iteration:
             "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
-        self._radius = pulley.radius
+        self._radius, self._square = pulley.radius, np.longdouble(pulley.radius) ** 2
         self._arrived, self._held, self._monitored = arrived, held, monitored
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
-        self.values[:, self._elongation] -= 1.0
         # Rounded so that cells that meet at a node agree on its angle to the last bit.
         turn = self.values[:, self._turn]
-        self._frame = np.round(turn[:, 0] * FRAMES) / FRAMES
-        turn -= self._frame[:, None]
-        self._axis = np.exp(1j * self._frame.astype(np.longdouble))
-        self.chords[:, 6], self.chords[:, 7] = self._axis.real, self._axis.imag
+        self._frame = np.rint(turn[:, :1] * FRAMES) / FRAMES
+        turn -= self._frame
+        self._back = np.exp(-1j * self._frame.astype(np.longdouble))
+        self._axis[:] = self._back.conj()
         self._bulge = self._arcs()
         self.chords[:, 11], self.chords[:, 12] = self._bulge.real, self._bulge.imag
         self._deviation -= self._over_chords()
         self._measure()
-        self._weights[..., 0], self._weights[..., 1] = 1.0 - state.cells, state.cells
+        self._share = state.cells[:, 1] - state.cells[:, 0]
 
     def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
         """The iteration; called by SNES."""
@@ -121,7 +120,7 @@ class Iteration:
                 snes.monitor(iteration, residual)
             self.jacobians()
             try:
-                step, scalars = self.condensed.step(self._weights, held=held)
+                step, scalars = self.condensed.step(self._share, held=held)
                 change = float(np.abs(scalars).max())
             except np.linalg.LinAlgError:
                 change = math.nan
@@ -129,17 +128,18 @@ class Iteration:
             if not math.isfinite(change):
                 reason = reasons.DIVERGED_LINEAR_SOLVE
                 break
-            moved, shortening = self._moved(step, scalars[:-1])
+            step, shortening = self._borders_moved(step, scalars[:-1])
             if watched:
                 borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
                 logger.info(
                     "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
                 )
-            if change <= self._arrived * self.values[:, self._length].min() and shortening <= SETTLED and not held:
+            shortest = self.values[:, self._length].min()
+            arrived = change <= self._arrived * shortest and shortening <= SETTLED and not held
+            self._moved(step, bent=shortening > STRAIGHT and not arrived)
+            if arrived:
                 reason = reasons.CONVERGED_SNORM_RELATIVE
                 break
-            if shortening > STRAIGHT:
-                self._onto_pulley(moved)
             self._measure()
             held = False
         snes.setConvergedReason(reason)
@@ -147,8 +147,7 @@ class Iteration:
     def state(self, start: State) -> State:
         """The state where it stands, which is of the kind of the one that it started from."""
         values = self.values.copy()
-        values[:, self._turn] += self._frame[:, None]
-        values[:, self._elongation] += 1.0
+        values[:, self._turn] += self._frame
         values[:, self._positions].view(complex)[:] += self._over_chords()
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
 
@@ -170,22 +169,20 @@ class Iteration:
 
         NumPy's long double has eleven bits more than a double on x86, and never fewer.
         """
-        length = self.values[:, self._length]
-        arm, along = self._chords.T.astype(np.clongdouble)
-        q = along * self._axis.conj() / length - 1.0
-        for column, end in ((4, arm), (5, arm + along)):
-            self.chords[:, column] = np.longdouble(self._radius) ** 2 - end.real**2 - end.imag**2
-        self.chords[:, 8], self.chords[:, 9], self.chords[:, 10] = q.real, q.imag, length
-        over = self._bulge.conj()
-        self.chords[:, 13] = along.real**2 + along.imag**2 - 2.0 * (over * arm).real
+        length, chords = self.values[:, self._length :][:, :1], self._chords.astype(np.clongdouble)
+        ends = on_chords(chords, ENDS)
+        self.chords[:, 4:6] = self._square - (ends * ends.conj()).real
+        self._strain[:] = chords[:, 1:] * self._back / length - 1.0
+        self.chords[:, 10:11] = length
+        over, (arm, along) = self._bulge.conj(), chords.T
+        self.chords[:, 13] = (along * along.conj()).real - 2.0 * (over * arm).real
         self.chords[:, 14] = (over * along).real
 
-    def _moved(self, step: Array, borders: Array) -> tuple[Array, float]:
-        """Takes a step, shortened where a border would come too close to the next one.
+    def _borders_moved(self, step: Array, borders: Array) -> tuple[Array, float]:
+        """Moves the borders by a step, shortened where one would come too close to the next one.
 
         Returns:
-            The step of the nodes, in the complex plane ``(n, k + 1)``, and the largest part that the full step takes
-            from a zone.
+            The step of the cells, shortened alike, and the largest part that the full step takes from a zone.
         """
         way = np.zeros(self.ends.size)
         way[1:-1] = borders
@@ -193,12 +190,14 @@ class Iteration:
         if shortening > LARGEST_STEP:
             step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
         self.ends = self.ends + way
-        moved, others = step[:, self._positions].view(complex), slice(self._positions.stop, None)
-        self._shifted(moved)
-        self.values[:, others] += step[:, others]
-        lengths = (self.ends[1:] - self.ends[:-1])[self._zone]
-        self.values[:, self._length] = lengths * (self._cells[:, 1] - self._cells[:, 0])
-        return moved, shortening
+        self.values[:, self._length] = (self.ends[1:] - self.ends[:-1])[self._zone] * self._share
+        return step, shortening
+
+    def _moved(self, step: Array, *, bent: bool) -> None:
+        """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
+        way = step[:, self._positions].view(complex)
+        self._shifted(self._onto_pulley(way) if bent else way)
+        self.values[:, self._others] += step[:, self._others]
 
     def _shifted(self, shift: Array) -> None:
         """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
@@ -211,30 +210,30 @@ class Iteration:
         self._deviation += deviation + on_chords(lost, self._nodes)
         self._chords[:] = chords
 
-    def _onto_pulley(self, moved: Array) -> None:
-        """Bends the way of nodes that moved on the pulley to the pulley, and lets the free zones follow its ends.
+    def _onto_pulley(self, straight: Array) -> Array:
+        """The way of nodes, bent to the pulley where they move on it; the free zones follow its ends.
 
         A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
         through a short zone, the pressure and the friction that would mend this are larger than those by which the next
         step has to place the border.
 
         Args:
-            moved: Step of the nodes, in the complex plane ``(n, k + 1)``.
+            straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
-        contact, shift = self._contact, np.empty_like(moved)
-        straight = moved[contact]
+        contact, way = self._contact, straight.copy()
         on_parabolas = on_chords(self._chords[contact], self._nodes) + self._over_chords()[contact]
-        arm = on_parabolas + self._deviation[contact] - straight
+        arm = on_parabolas + self._deviation[contact]
         distance = np.abs(arm)
-        turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
-        shift[contact] = arm * (turn * (self._radius / distance) - 1.0) - straight
+        turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
+        way[contact] = arm * (turn * (self._radius / distance) - 1.0)
+        up, off = self._contact.start, self._contact.stop - 1
         # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
         place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
-        shift[self._before] = place[self._before] ** 2 * shift[contact][0, 0]
-        shift[self._after] = (1.0 - place[self._after]) ** 2 * shift[contact][-1, 1]
+        way[:up] += place[:up] ** 2 * (way[up, 0] - straight[up, 0])
+        way[off + 1 :] += (1.0 - place[off + 1 :]) ** 2 * (way[off, 1] - straight[off, 1])
         # Cells that meet at a node shift it alike, to the last bit.
-        shift[1:, 0] = shift[:-1, 1]
-        self._shifted(shift)
+        way[1:, 0] = way[:-1, 1]
+        return way
 
 
 @functools.lru_cache(maxsize=64)

@@ -40,12 +40,10 @@ def prolongation(coarse: int, fine: int) -> Array:
     (nodes, gauss), (fine_nodes, fine_gauss) = points(coarse), points(fine)
     nodal, traction = lagrange_basis(nodes, fine_nodes)[0].T, lagrange_basis(gauss, fine_gauss)[0].T
     result = np.zeros((width(coarse), width(fine)))
-    for i in (0, 1):
-        result[np.ix_(old.r[:, i], new.r[:, i])] = nodal
-    result[np.ix_(old.theta, new.theta)] = nodal
-    for field in ("p", "f"):
-        result[np.ix_(getattr(old, field), getattr(new, field))] = traction
-    result[old.sigma, new.sigma] = result[old.D, new.D] = 1.0
+    result[old.r, new.r] = np.kron(nodal, np.eye(2))
+    result[old.theta, new.theta] = nodal
+    result[old.p, new.p] = result[old.f, new.f] = traction
+    result[old.sigma, new.sigma], result[old.D, new.D] = np.eye(2), 1.0
     return result
 
 
@@ -80,8 +78,8 @@ class State:
         ends: Ends of the zones in the material-length coordinate ``(z + 1,)``.
         chords: Each cell's left end as seen from the pulley's centre, and the vector from there to its right end
             ``(n, 4)``.
-        values: Unknowns of each cell, with the deviations from the chord for positions, and its ends 0 and length for
-            sigma ``(n, 5 k + 6)``.
+        values: Unknowns of each cell, with the deviations from the chord for positions, its ends 0 and length for
+            sigma, and for the stretch in stick its elongation ``(n, 5 k + 6)``.
     """
 
     scene: Scene
@@ -95,12 +93,12 @@ class State:
     @property
     def D_stick(self) -> float:
         """Stretch in stick."""
-        return float(self.values[0, -1])
+        return 1.0 + float(self.values[0, -1])
 
     @property
     def length(self) -> Array:
         """Length of each cell ``(n,)``."""
-        return self.values[:, local(self.degree).sigma[1]]
+        return self.values[:, local(self.degree).sigma.stop - 1]
 
     @property
     def sigma(self) -> Array:
@@ -116,7 +114,7 @@ class State:
     @property
     def _deviation(self) -> Array:
         """Deviations of the nodes from the chords, in the complex plane ``(n, k + 1)``."""
-        return self.values[:, : 2 * (self.degree + 1)].view(complex)
+        return self.values[:, local(self.degree).r].view(complex)
 
     @property
     def _center(self) -> complex:
@@ -155,7 +153,7 @@ class State:
         """Integral of the pressure."""
         return self._integral(local(self.degree).p)
 
-    def _integral(self, dofs: Array) -> float:
+    def _integral(self, dofs: slice) -> float:
         """Integral along the belt of what has these dofs at the Gauss points."""
         return float((self.values[:, dofs] @ gauss_weights(self.degree)) @ self.length)
 
@@ -174,14 +172,17 @@ class State:
         at, values, (nodal, slopes) = local(self.degree), self.values, at_gauss(self.degree)
         dr = (self._chords[:, 1:] + self._deviation @ slopes.T) / self.length[:, None]
         e1 = np.exp(1j * (values[:, at.theta] @ nodal.T))
-        strain = dr * e1.conj() - 1.0
-        belt = self.scene.belt
-        return (belt.extensional_stiffness * strain.real + 1j * belt.shear_stiffness * strain.imag) * e1
+        Q, belt = dr * e1.conj() - 1.0, self.scene.belt
+        Q.real *= belt.extensional_stiffness
+        Q.imag *= belt.shear_stiffness
+        return Q * e1
 
     def strain(self, force: Array, theta: Array) -> Array:
         """Strains eps + i Gamma of a force in global axes (18.5); r' is (1 + eps + i Gamma) e1 (18.6)."""
-        belt, Q = self.scene.belt, force * np.exp(-1j * theta)
-        return Q.real / belt.extensional_stiffness + 1j * (Q.imag / belt.shear_stiffness)
+        strain, belt = force * np.exp(-1j * theta), self.scene.belt
+        strain.real /= belt.extensional_stiffness
+        strain.imag /= belt.shear_stiffness
+        return strain
 
     @functools.cached_property
     def dense(self) -> Dense:
@@ -248,7 +249,7 @@ def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, 
     layers = {"bending": bending_layer(scene, strain), "shear": shear_layer(scene, strain)}
     mesh, cells = divided(zones, ends, **layers, elements=elements)
     values = np.zeros((len(cells), width(degree)))
-    values[:, local(degree).sigma[1]] = np.diff(ends)[mesh.zone] * (cells[:, 1] - cells[:, 0])
+    values[:, local(degree).sigma.stop - 1] = (ends[1:] - ends[:-1])[mesh.zone] * (cells[:, 1] - cells[:, 0])
     return State(scene, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
 
 
@@ -290,10 +291,10 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
     ends = np.array([-half, *borders, half])
     state = _blank(scene, zones, ends, float(np.mean(string.strain)), degree, elements)
     at, (nodes, _), sigma = local(degree), points(degree), state.sigma
-    inside = (sigma[:, :1] + np.diff(sigma) * nodes).ravel()
+    inside = (sigma[:, :1] + state.length[:, None] * nodes).ravel()
     n = len(sigma)
-    state.values[:, at.D] = 1.0 + string.strain[0]
-    D = string.D(sigma.mean(axis=1))
+    state.values[:, at.D] = string.strain[0]
+    D = string.D((sigma[:, 0] + sigma[:, 1]) / 2)
     tension = scene.belt.extensional_stiffness * np.maximum(D - 1.0, string.strain.min())
     p = np.where(state.mesh.touches, tension * D / scene.pulleys[0].radius, 0.0)
     state.values[:, at.p] = p[:, None]
@@ -315,8 +316,8 @@ def from_fields(
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    D_stick = old.D_stick if isinstance(old, State) else float(old.D[0] - old.v_rel[0])
-    state = _blank(scene, zones, ends, D_stick - 1.0, degree, elements)
+    elongation = old.values[0, -1] if isinstance(old, State) else float(old.D[0] - old.v_rel[0]) - 1.0
+    state = _blank(scene, zones, ends, elongation, degree, elements)
     if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
         same = old.of_degree(degree)
         state = replace(same, scene=scene, ends=ends, chords=same.chords.copy(), values=same.values.copy())
@@ -327,7 +328,7 @@ def from_fields(
     at, mesh = local(degree), state.mesh
     state.values[:, at.p] = mesh.touches[:, None] * p
     state.values[:, at.f] = np.where(mesh.sticks[:, None], f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
-    state.values[:, at.D] = D_stick
+    state.values[:, at.D] = elongation
     return _placed(scene, state, r, theta)
 
 

@@ -135,7 +135,7 @@ def test_states_pass_on_without_loss():
     new = from_fields(scene, old, old.mesh.zones, old.ends, old.degree)
     exact = fields_at(scene, old, new.nodes[1:-1, 0])
     np.testing.assert_allclose(new.nodes[1:-1, 1], exact.x, atol=1e-14)
-    np.testing.assert_allclose(new.values[1:, local(new.degree).theta[0]], exact.theta, atol=1e-14)
+    np.testing.assert_allclose(new.values[1:, local(new.degree).theta.start], exact.theta, atol=1e-14)
 
 
 def test_nodes_in_contact_stay_on_the_pulley_and_held_borders_where_they_are():
