@@ -70,6 +70,7 @@ class Iteration:
         self._touches = mesh.touches
         self._zone, self._length, self._nodes = mesh.zone, at.sigma.stop - 1, points(degree)[0]
         self._positions, self._others, self._turn = at.r, slice(at.theta.start, None), at.theta
+        self._shape = self._nodes * (1.0 - self._nodes)
         self._contact = slice(mesh.ends[0], mesh.ends[-1])
 
     def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
@@ -104,7 +105,9 @@ class Iteration:
         self._axis[:] = self._back.conj()
         self._bulge = self._arcs()
         self.chords[:, 11], self.chords[:, 12] = self._bulge.real, self._bulge.imag
-        self._deviation -= self._over_chords()
+        # The parabolas over the chords, at the nodes.
+        self._parabolas = self._bulge[:, None] * self._shape
+        self._deviation -= self._parabolas
         self._measure()
         self._share = state.cells[:, 1] - state.cells[:, 0]
 
@@ -148,7 +151,7 @@ class Iteration:
         """The state where it stands, which is of the kind of the one that it started from."""
         values = self.values.copy()
         values[:, self._turn] += self._frame
-        values[:, self._positions].view(complex)[:] += self._over_chords()
+        values[:, self._positions].view(complex)[:] += self._parabolas
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
 
     def _arcs(self) -> Array:
@@ -159,10 +162,6 @@ class Iteration:
         outwards = 1j * along / length
         side = np.sign((outwards * arm.conj()).real)
         return np.where(self._touches, side * length**2 / (self._radius + depth), 0.0) * outwards
-
-    def _over_chords(self) -> Array:
-        """The parabolas over the chords, at the nodes, in the complex plane ``(n, k + 1)``."""
-        return self._bulge[:, None] * (self._nodes * (1.0 - self._nodes))
 
     def _measure(self) -> None:
         """Computes the chords' small differences of large numbers to less than the rounding error of these.
@@ -221,7 +220,7 @@ class Iteration:
             straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
         contact, way = self._contact, straight.copy()
-        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._over_chords()[contact]
+        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._parabolas[contact]
         arm = on_parabolas + self._deviation[contact]
         distance = np.abs(arm)
         turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
