@@ -81,9 +81,9 @@ def test_a_solve_ends_and_the_next_one_is_as_before(method, monkeypatch):
     owner = getattr(owner, "Iteration", None) or owner.petsc
     function = getattr(owner, name)
 
-    def interrupted(*args):
+    def interrupted(*args, **named):
         called.append(os.kill(os.getpid(), signal.SIGINT))
-        return function(*args)
+        return function(*args, **named)
 
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, interrupted)
@@ -99,7 +99,7 @@ def test_a_script_that_is_interrupted_ends_by_the_signal():
 import os, signal
 from belt_fenicsx import Scene, fitted_newton, solve
 moved = fitted_newton.Iteration._moved
-fitted_newton.Iteration._moved = lambda *args: os.kill(os.getpid(), signal.SIGINT) or moved(*args)
+fitted_newton.Iteration._moved = lambda *a, **named: os.kill(os.getpid(), signal.SIGINT) or moved(*a, **named)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 solve(Scene())
 """
