@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
 import functools
 import logging
 import math
 import threading
+import weakref
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -26,6 +26,7 @@ logger = logging.getLogger(__name__)
 
 LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
 MOST_ITERATIONS = 30
+KEPT = 200  # cells, of an iteration that is kept for the next scene at most
 STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
 FRAMES = 2.0**20  # to a radian: angles to which frames of cells are rounded
 SETTLED = 0.1  # of the same, that the last step may take
@@ -235,9 +236,14 @@ class Iteration:
         return way
 
 
-@functools.lru_cache(maxsize=64)
 def iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
-    """The iteration on one list of zones, cells and degree; made once in a process."""
+    """The iteration on one list of zones, cells and degree; made once in a process where the cells are not many."""
+    # A cell takes some 60 kB. With many of them, making it anew takes less time than the solve.
+    return _iteration_on(mesh, degree, friction) if mesh.zone.size <= KEPT else Iteration(mesh, degree, friction)
+
+
+@functools.lru_cache(maxsize=64)
+def _iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
     return Iteration(mesh, degree, friction)
 
 
@@ -253,8 +259,8 @@ class Newton:
         set_options(self.snes, {}, options)
         asked = {*PETSc.Options(PREFIX).getAll(), *options}
         self._monitored = any(name.startswith("snes_monitor") for name in asked)
-        # PETSc itself ends after Python, when the iteration, which is in Python, is gone.
-        atexit.register(self.snes.destroy)
+        # With this object, and at the latest when Python ends: PETSc ends after it, when the iteration is gone.
+        weakref.finalize(self, self.snes.destroy)
 
     def solve(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
         """Iterates until a step is below ``arrived``, and small against the zones that it shortens.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +14,7 @@ from belt_fenicsx import bvp, fitted, fitted_forms
 from belt_fenicsx.condensed import Condensed, local
 from belt_fenicsx.fitted_answer import fields_at
 from belt_fenicsx.fitted_forms import SWITCHES, lagrange_basis, points
-from belt_fenicsx.fitted_newton import iteration_on, newton, switches
+from belt_fenicsx.fitted_newton import Newton, iteration_on, newton, switches
 from belt_fenicsx.fitted_state import from_string
 from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError
 from belt_fenicsx.solution import Solution, SolveError, Status
@@ -438,3 +439,12 @@ def test_nothing_is_loaded_that_is_not_needed():
         "assert before or 'scipy' not in sys.modules; assert not {'matplotlib', 'dolfinx'} & {*sys.modules}"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_solvers_that_are_no_longer_kept_free_petscs_objects():
+    solver = Newton({"snes_max_it": 7})
+    snes = solver.snes
+    assert snes
+    del solver
+    gc.collect()
+    assert not snes

@@ -77,3 +77,21 @@ def test_bvp_loads_no_fenics_and_no_mpi():
 def test_command_line_with_bvp_loads_no_fenics_and_no_mpi():
     code = "from belt_fenicsx.cli import main; assert main(['--method', 'bvp', '--json']) == 0"
     assert loaded_after(code) == {"numpy", "scipy"}
+
+
+@pytest.mark.parametrize("method", ["fitted", "augmented-lagrangian"])
+@pytest.mark.parametrize(
+    ("argument", "value", "expected"),
+    [
+        ("initial", "a.npz", "be a Solution"),
+        ("options", "abc", "be a mapping of the names of PETSc options"),
+        ("options", {1: 2}, "be a mapping of the names of PETSc options"),
+        ("comm", 3, "be an MPI communicator"),
+        ("elements", "10", "be a whole number of at least 2"),
+        ("rtol", "1e-8", "be a finite number"),
+        ("method", "fem", "be one of"),
+    ],
+)
+def test_arguments_of_another_kind(method, argument, value, expected):
+    with pytest.raises(belt_fenicsx.SceneError, match=f"`{argument}` must {expected}"):
+        belt_fenicsx.solve(belt_fenicsx.Scene(), **{"method": method, argument: value})
