@@ -23,9 +23,8 @@ from belt_fenicsx.zones import shear_layer
 # Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
 # units of the factor by which the change of the pressure fell since the degree before.
 LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
-LEAST = (
-    2e-6  # part of the pressure's mean change by which the speed is wrong at least: its own can be small by accident
-)
+# Part of the pressure's mean change by which the speed is wrong at least: its own change can be small by accident.
+LEAST = 2e-6
 EPSILON = float(np.finfo(float).eps)
 ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
 BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
