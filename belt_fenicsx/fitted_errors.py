@@ -20,9 +20,9 @@ from belt_fenicsx.fitted_state import State
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.zones import shear_layer
 
-# Part of the change by the last degree that is left as error: of the first change; of a later one at most; and this in
-# units of the factor by which the change of the pressure fell since the degree before.
-LEFT_FIRST, LEFT, GAIN = 1 / 8, 1 / 4, 15.0
+# Part of the change by the last degree that is left as error, at most; and in units of the factor by which the change
+# of the pressure fell since the degree before.
+LEFT, GAIN = 1 / 4, 15.0
 # Part of the pressure's mean change by which the speed is wrong at least: its own change can be small by accident.
 LEAST = 2e-6
 EPSILON = float(np.finfo(float).eps)
@@ -64,7 +64,7 @@ def error_of_known(
         change: Change of the pressure by the last degree.
         change_before: That by the degree before; zero where there is none.
     """
-    left = min(LEFT, GAIN * change / change_before) if change_before else LEFT_FIRST
+    left = min(LEFT, GAIN * change / change_before) if change_before else LEFT
     # Relative to a stretch of the belt: a pulley that stands still has no speed.
     by_known = left * abs(_known(scene, state) - _known(scene, before)) / state.D_stick
     return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
