@@ -25,9 +25,10 @@ from belt_fenicsx.lagrangian_accuracy import OMEGA, errors, errors_of_fields, sh
 from belt_fenicsx.lagrangian_run import NAME, Run
 from belt_fenicsx.multipliers import Penalties
 from belt_fenicsx.node_positions import node_positions
+from belt_fenicsx.petsc_options import checked_options
 from belt_fenicsx.problems import Options, problems, taking_turns
 from belt_fenicsx.scene import FEWEST_ELEMENTS, Scene, SceneError, Units, whole_number
-from belt_fenicsx.solution import Solution, Stage, Status, finish
+from belt_fenicsx.solution import Solution, Stage, Status, check_initial, finish
 from belt_fenicsx.stages import Stages
 
 DEFAULT = 100  # elements
@@ -130,10 +131,11 @@ class _Asked:
             raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
         plain, units = scene.dimensionless()
         nodes = _nodes(scene, elements, mesh) / units.length
+        check_initial(initial)
         start = None
         if initial is not None and initial.fields is not None:
             start = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
-        return cls(scene, plain, units, nodes, start, rtol, penalty_scale, tuple(sorted((options or {}).items())))
+        return cls(scene, plain, units, nodes, start, rtol, penalty_scale, checked_options(options))
 
     def told(self) -> str:
         """What has to be the same on all ranks; of the start, which rounding may tell apart, whether there is one."""

@@ -28,7 +28,7 @@ from belt_fenicsx.bvp_guess import from_fields
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
 from belt_fenicsx.certificate import certified
 from belt_fenicsx.scene import Scene, SceneError
-from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.solution import Solution, Status, check_initial, finish
 from belt_fenicsx.solver import check_rtol, clear_of_pulley, touches
 from belt_fenicsx.stages import Stopped
 
@@ -70,8 +70,7 @@ def solve(
     if not isinstance(scene, Scene):
         raise SceneError("scene", "be a Scene", scene)
     check_rtol(rtol)
-    if initial is not None and not isinstance(initial, Solution):
-        raise SceneError("initial", "be a Solution", initial)
+    check_initial(initial)
     if not touches(scene):
         clear = replace(clear_of_pulley(scene, METHOD), message="The straight belt is clear of the pulley.")
         return finish(clear, throw=throw)

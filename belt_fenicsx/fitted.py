@@ -35,8 +35,9 @@ from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, RESCUE, WARM, Run, Start, meets, starts, warm
 from belt_fenicsx.fitted_state import State
+from belt_fenicsx.petsc_options import checked_options
 from belt_fenicsx.scene import FEWEST_ELEMENTS, RUN_UP, Scene, SceneError, Slip, whole_number
-from belt_fenicsx.solution import Solution, Status, finish
+from belt_fenicsx.solution import Solution, Status, check_initial, finish
 from belt_fenicsx.stages import Stopped
 
 METHOD = "fitted"
@@ -88,7 +89,8 @@ def solve(
     if degree is not None and (degree <= LOWEST or degree % 2):
         raise SceneError("degree", f"be even and at least {LOWEST + 2}", degree)
     elements = None if elements is None else whole_number("elements", elements, FEWEST_ELEMENTS)
-    run = Run(scene, *scene.dimensionless(), elements, newton(tuple(sorted((options or {}).items()))))
+    check_initial(initial)
+    run = Run(scene, *scene.dimensionless(), elements, newton(checked_options(options)))
     solution = solved(run, starts(run, initial), rtol, degree)
     if solution.status is Status.CAPACITY_EXCEEDED and not exceeds_capacity(scene):
         solution = replace(solution, status=Status.NEWTON_DIVERGED, message="Sliding all along is not admissible.")

@@ -20,6 +20,19 @@ PREFIX = "belt_"
 _one_at_a_time = threading.Lock()
 
 
+def checked_options(options: object) -> tuple[tuple[str, Any], ...]:
+    """The caller's options in alphabetical order.
+
+    Raises:
+        SceneError: They are no mapping from names.
+    """
+    if options is None:
+        return ()
+    if not isinstance(options, Mapping) or not all(isinstance(name, str) for name in options):
+        raise SceneError("options", "be a mapping of the names of PETSc options to their values", options)
+    return tuple(sorted(options.items()))
+
+
 def set_options(solver: PETSc.SNES, defaults: Mapping[str, Any], options: Mapping[str, Any] | None) -> None:
     """Options of a solver: built-in defaults < the caller's < the command line's.
 

@@ -28,10 +28,11 @@ class Problems:
     Args:
         comm: The communicator.
         most: Number of problems that are kept.
+        most_elements: Number of elements of all of them; an element takes some 5 kB.
     """
 
-    def __init__(self, comm: MPI.Comm, most: int = 32) -> None:
-        self._comm, self._most = comm, most
+    def __init__(self, comm: MPI.Comm, most: int = 32, most_elements: int = 100_000) -> None:
+        self._comm, self._most, self._most_elements = comm, most, most_elements
         self._kept: dict[tuple[int, Options, bool], Problem] = {}
 
     @contextlib.contextmanager
@@ -52,7 +53,7 @@ class Problems:
                 problem = Problem(elements, self._comm, dict(options), frictional=frictional)
         yield problem
         self._kept[key] = problem
-        while len(self._kept) > self._most:
+        while len(self._kept) > self._most or sum(key[0] for key in self._kept) > self._most_elements:
             self._kept.pop(next(iter(self._kept))).destroy()
 
 

@@ -368,6 +368,16 @@ class SolveError(RuntimeError):
         return " ".join(part for part in parts if part)
 
 
+def check_initial(initial: object) -> None:
+    """Checks what a solve is to start from.
+
+    Raises:
+        SceneError: It is no solution.
+    """
+    if initial is not None and not isinstance(initial, Solution):
+        raise SceneError("initial", "be a Solution", initial)
+
+
 def finish(solution: Solution, *, throw: bool) -> Solution:
     """Gives back a good solution; raises for another one, or gives it back too where ``throw`` is false.
 

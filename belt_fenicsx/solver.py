@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx import interrupts
 from belt_fenicsx.fields import Fields
-from belt_fenicsx.scene import FEWEST_ELEMENTS, Scene, SceneError, number, whole_number
+from belt_fenicsx.scene import Scene, SceneError, number
 from belt_fenicsx.solution import Solution, Stage, Status, Zone, finish
 
 if TYPE_CHECKING:
@@ -56,7 +56,9 @@ def solve(
     if method not in METHODS:
         raise SceneError("method", f"be one of {', '.join(METHODS)}", method)
     check_rtol(rtol)
-    _check_arguments(elements, comm, options, initial)
+    # Only whoever has loaded mpi4py can have a communicator.
+    if comm is not None and not hasattr(comm, "allgather"):
+        raise SceneError("comm", "be an MPI communicator", comm)
     if not touches(scene):
         return finish(clear_of_pulley(scene, method), throw=throw)
     common: dict[str, Any] = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
@@ -73,23 +75,6 @@ def solve(
         from belt_fenicsx import augmented_lagrangian
 
         return augmented_lagrangian.solve(scene, mesh=mesh, **common)
-
-
-def _check_arguments(elements: object, comm: object, options: object, initial: object) -> None:
-    """Checks arguments that all methods take, before anything is set up.
-
-    Raises:
-        SceneError: One of them is of another kind.
-    """
-    if elements is not None:
-        whole_number("elements", elements, FEWEST_ELEMENTS)
-    if options is not None and not (isinstance(options, Mapping) and all(isinstance(name, str) for name in options)):
-        raise SceneError("options", "be a mapping of the names of PETSc options to their values", options)
-    if initial is not None and not isinstance(initial, Solution):
-        raise SceneError("initial", "be a Solution", initial)
-    # Only whoever has loaded mpi4py can have a communicator.
-    if comm is not None and not hasattr(comm, "allgather"):
-        raise SceneError("comm", "be an MPI communicator", comm)
 
 
 def check_rtol(rtol: float) -> float:

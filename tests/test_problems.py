@@ -69,6 +69,17 @@ def test_a_problem_is_kept_unless_an_error_came_between():
         assert other is not first
 
 
+def test_problems_are_kept_up_to_a_number_of_elements():
+    kept = Problems(MPI.COMM_SELF, most_elements=70)
+    used = []
+    for elements in (30, 40, 30, 50, 80, 30):
+        with kept.using(elements, (), frictional=True) as problem:
+            used.append(problem)
+    # 50 fits beside neither 40 nor 30, and 80 alone is too large.
+    assert used[2] is used[0]
+    assert used[5] is not used[0]
+
+
 @pytest.mark.parametrize(("name", "value"), [("snes_rtol", "abc"), ("pc_type", "no such thing"), ("snes_max_it", "x")])
 def test_options_that_petsc_does_not_take_are_named_and_leave_nothing(name, value):
     with pytest.raises(SceneError, match=f"`options.{name}` must have a value that PETSc takes, got '{value}'"):
