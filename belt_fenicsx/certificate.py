@@ -47,7 +47,7 @@ def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE)
     Args:
         solution: A converged solution, in the units of its scene.
         tolerance: Negative relative margin that the discretisation is allowed.
-        balance: The same of the balances.
+        balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
 
     Raises:
         SceneError: The transition was asked for outside of the contact zone that was found.
@@ -93,7 +93,7 @@ def certify(
         zones: All zones, in the direction of travel.
         fields: Fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
-        balance: The same of the balances.
+        balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
         errors: Estimated errors of fields, relative to their largest values, which a margin is allowed, too.
 
     Returns:
