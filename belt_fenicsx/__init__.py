@@ -10,27 +10,31 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from belt_fenicsx import bvp
-    from belt_fenicsx.scene import Belt, Pulley, Scene, SceneError, StiffnessBelt
-    from belt_fenicsx.scene_file import load_scene
-    from belt_fenicsx.solution import Solution, SolveError, Status
+    from belt_fenicsx.scene.belt import Belt, StiffnessBelt
+    from belt_fenicsx.scene.checks import SceneError
+    from belt_fenicsx.scene.file import load_scene
+    from belt_fenicsx.scene.pulley import Pulley
+    from belt_fenicsx.scene.scene import Scene
+    from belt_fenicsx.solution import plot
+    from belt_fenicsx.solution.solution import Solution, SolveError, Status
     from belt_fenicsx.solver import solve
-    from belt_fenicsx.sweeps import Sweep, sweep
+    from belt_fenicsx.sweeps.sweep import Sweep, sweep
 
 _HOMES = {
-    "Belt": "scene",
-    "StiffnessBelt": "scene",
-    "Pulley": "scene",
-    "Scene": "scene",
-    "SceneError": "scene",
-    "Solution": "solution",
-    "Status": "solution",
-    "SolveError": "solution",
-    "load_scene": "scene_file",
+    "Belt": "scene.belt",
+    "StiffnessBelt": "scene.belt",
+    "Pulley": "scene.pulley",
+    "Scene": "scene.scene",
+    "SceneError": "scene.checks",
+    "Solution": "solution.solution",
+    "Status": "solution.solution",
+    "SolveError": "solution.solution",
+    "load_scene": "scene.file",
     "solve": "solver",
-    "sweep": "sweeps",
-    "Sweep": "sweeps",
-    "bvp": None,
+    "sweep": "sweeps.sweep",
+    "Sweep": "sweeps.sweep",
 }
+_MODULES = {"bvp": "bvp", "plot": "solution.plot"}
 
 __all__ = [
     "Belt",
@@ -44,16 +48,19 @@ __all__ = [
     "Sweep",
     "bvp",
     "load_scene",
+    "plot",
     "solve",
     "sweep",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name in _MODULES:
+        value = import_module(f"{__name__}.{_MODULES[name]}")
+    elif name in _HOMES:
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = _HOMES[name]
-    value = getattr(import_module(f"{__name__}.{home}"), name) if home else import_module(f"{__name__}.{name}")
     globals()[name] = value
     return value
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from belt_fenicsx.cli import main
+from belt_fenicsx.command.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

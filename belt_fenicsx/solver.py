@@ -1,21 +1,53 @@
-"""The front door: which method answers a scene, and what is checked before anything is set up."""
+"""The front door: what is checked before anything is set up, which method answers, and which one helps it out."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from belt_fenicsx import interrupts
-from belt_fenicsx.fields import Fields
-from belt_fenicsx.scene import Scene, SceneError, number
-from belt_fenicsx.solution import Solution, Stage, Status, Zone, finish
+from belt_fenicsx.backend import interrupts
+from belt_fenicsx.scene.checks import (
+    FEWEST_ELEMENTS,
+    SceneError,
+    communicator,
+    named_options,
+    relative_tolerance,
+    whole_number,
+)
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.solution import BLIND, Solution, Status, finish
+from belt_fenicsx.solution.stages import Stages
+from belt_fenicsx.taut_string.hints import hints
+from belt_fenicsx.taut_string.straight import straight_belt, touches
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-METHODS = ("fitted", "augmented-lagrangian")
-RTOL_RANGE = (1e-13, 1e-1)
+
+class Method(NamedTuple):
+    """A way to solve a scene.
+
+    Attributes:
+        module: The module whose ``solve`` does it.
+        knows: Its arguments besides the scene, ``rtol``, ``initial`` and ``comm``.
+        why: What it does, so that other arguments mean nothing to it.
+        helper: Method whose answer it starts from once more where it finds none itself; empty without one.
+    """
+
+    module: str
+    knows: tuple[str, ...]
+    why: str
+    helper: str = ""
+
+
+METHODS = {
+    "fitted": Method("fitted.method", ("elements", "options"), "which moves its own nodes", helper="bvp"),
+    "augmented-lagrangian": Method("lagrangian.method", ("elements", "mesh", "options"), "which has a fixed mesh"),
+    "bvp": Method("bvp.method", ("find_zones",), "which chooses its own meshes and uses no PETSc"),
+}
+UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)  # from another start, there may be an answer
 
 
 def solve(
@@ -30,12 +62,13 @@ def solve(
     initial: Solution | None = None,
     throw: bool = True,
 ) -> Solution:
-    """Solves a scene by finite elements.
+    """Solves a scene.
 
     Args:
         scene: The scene.
-        method: ``"fitted"``, zones bounded by nodes that move; or ``"augmented-lagrangian"``, the source's method on
-            a fixed mesh (18.2).
+        method: ``"fitted"``, finite elements in zones bounded by nodes that move; ``"augmented-lagrangian"``, the
+            source's finite elements on a fixed mesh (18.2); or ``"bvp"``, the differential equations (18.3) by
+            collocation, which uses neither FEniCS nor PETSc.
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
@@ -51,79 +84,76 @@ def solve(
         SceneError: The scene, or an argument, cannot be meant; on all ranks, before anything collective.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
+    given = {"elements": elements, "mesh": mesh, "options": options}
+    arguments = {name: value for name, value in given.items() if value is not None}
+    return answer(scene, method, arguments, rtol=rtol, comm=comm, initial=initial, throw=throw)
+
+
+def answer(
+    scene: Scene,
+    method: str,
+    arguments: Mapping[str, Any],
+    *,
+    rtol: float,
+    comm: MPI.Comm | None = None,
+    initial: Solution | None = None,
+    throw: bool = True,
+) -> Solution:
+    """`solve`, with the arguments that not all methods have by their names."""
     if not isinstance(scene, Scene):
         raise SceneError("scene", "be a Scene", scene)
     if method not in METHODS:
         raise SceneError("method", f"be one of {', '.join(METHODS)}", method)
-    check_rtol(rtol)
-    # Only whoever has loaded mpi4py can have a communicator.
-    if comm is not None and not hasattr(comm, "allgather"):
-        raise SceneError("comm", "be an MPI communicator", comm)
+    for name, value in arguments.items():
+        if name not in METHODS[method].knows:
+            raise SceneError(name, f"be left out with the method {method}, {METHODS[method].why}", value)
+    checked = dict(arguments)
+    if "elements" in checked:
+        checked["elements"] = whole_number("elements", checked["elements"], FEWEST_ELEMENTS)
+    if "options" in checked:
+        checked["options"] = named_options(checked["options"])
+    if initial is not None and not isinstance(initial, Solution):
+        raise SceneError("initial", "be a Solution", initial)
+    checked |= {"rtol": relative_tolerance(rtol), "comm": communicator(comm)}
     if not touches(scene):
-        return finish(clear_of_pulley(scene, method), throw=throw)
-    common: dict[str, Any] = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
-    if elements is not None:
-        common["elements"] = elements
-    if method == "fitted":
-        if mesh is not None:
-            raise SceneError("mesh", "be left out with the method fitted, which moves its own nodes", mesh)
-        with interrupts.held():
-            from belt_fenicsx import fitted
-
-            return fitted.solve(scene, **common)
+        return finish(straight_belt(scene, method), throw=throw)
     with interrupts.held():
-        from belt_fenicsx import augmented_lagrangian
+        solution = _solved(scene, method, initial=initial, **checked)
+        helper = METHODS[method].helper
+        if helper and solution.status in UNFINISHED:
+            solution = _helped(scene, method, helper, solution, checked)
+    return finish(explained(solution), throw=throw)
 
-        return augmented_lagrangian.solve(scene, mesh=mesh, **common)
+
+def _solved(scene: Scene, method: str, **arguments: Any) -> Solution:
+    """What a method makes of a scene, good or not."""
+    solution: Solution = import_module(f"belt_fenicsx.{METHODS[method].module}").solve(scene, **arguments)
+    return solution
 
 
-def check_rtol(rtol: float) -> float:
-    """Checks a relative tolerance.
+def _helped(scene: Scene, method: str, helper: str, failed: Solution, arguments: Mapping[str, Any]) -> Solution:
+    """The solution from the zones and fields of another method; the failed one where these do not lead on.
 
-    Raises:
-        SceneError: It is no number, or outside of what double precision can give.
+    The equations and the certificate are still the first method's own.
     """
-    low, high = RTOL_RANGE
-    if not low <= number("rtol", rtol, "-") <= high:
-        raise SceneError("rtol", f"lie in [{low:g}, {high:g}] [-]", rtol)
-    return rtol
-
-
-def touches(scene: Scene) -> bool:
-    """Whether the pulley reaches above the straight line between the clamps."""
-    pulley = scene.pulleys[0]
-    xc, H = pulley.center
-    nearest = math.hypot(max(0.0, abs(xc) - scene.span / 2), H)
-    return H >= 0.0 or nearest < pulley.radius
-
-
-def clear_of_pulley(scene: Scene, method: str) -> Solution:
-    """The straight belt above a pulley that it does not touch: nothing to solve."""
-    import numpy as np
-
-    belt = scene.belt
-    stretch = scene.span / belt.length
-    sigma = np.array([-0.5, 0.5]) * belt.length
-    zero = np.zeros(2)
-    fields = Fields.from_state(
-        belt,
-        zone=np.zeros(2, dtype=int),
-        sigma=sigma,
-        r=np.column_stack([stretch * sigma, zero]),
-        theta=zero,
-        phi=zero,
-        D=np.full(2, stretch),
-        kappa=zero,
-        p=zero,
-        f=zero,
-        v_rel=np.full(2, np.nan),
+    stages = Stages()
+    other = _solved(scene, helper)
+    stages.ran(f"method {helper}", f"{failed.status.name} so far; it may find the zones", other.iterations)
+    before, solution = [*failed.stages, *stages], failed
+    if other.success:
+        solution = _solved(scene, method, initial=other, **arguments)
+    if solution.status in UNFINISHED:
+        status = other.status if other.status is Status.CAPACITY_EXCEEDED else failed.status
+        message = f"{failed.message} The method {helper}: {' '.join((other.status.value, other.message)).strip()}"
+        solution = replace(failed, status=status, message=message.strip())
+    after = () if solution.stages == failed.stages else solution.stages
+    return replace(
+        solution,
+        stages=(*before, *after),
+        iterations=sum(stage.iterations or 0 for stage in (*before, *after)),
     )
-    half = scene.span / 2
-    return Solution(
-        scene=scene,
-        method=method,
-        status=Status.NO_CONTACT,
-        zones=(Zone(kind="free", sigma=(float(sigma[0]), float(sigma[1])), x=(-half, half)),),
-        fields=fields,
-        stages=(Stage(name="contact", why="skipped: the straight belt does not touch the pulley"),),
-    )
+
+
+def explained(solution: Solution) -> Solution:
+    """The solution with hints, where the iteration failed and cannot say why."""
+    return replace(solution, hints=hints(solution.scene)) if solution.status in BLIND else solution

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from belt_fenicsx import Belt, Pulley, Scene, solve, sweep
-from belt_fenicsx.taut_string import taut_string
+from belt_fenicsx.taut_string.string import taut_string
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ import logging
 from pathlib import Path
 
 from belt_fenicsx import Scene, bvp, solve
-from belt_fenicsx.plot import contact_forces, deformed_belt, strains
+from belt_fenicsx.solution.plot import contact_forces, deformed_belt, strains
 
 # DOLFINx 0.5 tells of each form that it compiles, by the root logger.
 logging.basicConfig(level=logging.WARNING)

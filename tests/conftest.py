@@ -36,7 +36,7 @@ def shared_meshes():
     """Lets ranks share small meshes, too, so that tests of a moment see what they do together."""
     with pytest.MonkeyPatch.context() as patch:
         if SIZE > 1:
-            patch.setattr("belt_fenicsx.augmented_lagrangian.SHARED", 1)
+            patch.setattr("belt_fenicsx.lagrangian.method.SHARED", 1)
         yield
 
 

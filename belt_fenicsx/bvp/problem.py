@@ -1,0 +1,223 @@
+"""Zones of the belt stacked to one boundary-value problem on [0, 1], with exact derivatives.
+
+Each zone is mapped to [0, 1], so that all of them are solved side by side; their inner borders are unknown parameters.
+Its own map widens its own boundary layers. The bending strain is solved for in units of the inverse shear layer: then
+all functions and their rates are of the size of angles, however thin the belt is, and so are their residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from belt_fenicsx.bvp.equations import Force, Rod, Slip, ZoneEquations
+from belt_fenicsx.layout.arrays import Array
+
+FIRST, LAST = 0, -1  # ends of a zone
+WIDTH_FREE, WIDTH_CONTACT = 2.0, 4.0  # of the layers of a map, in bending layers and in shear layers of the belt
+NARROWEST = 1e-7  # layer of a map, in parts of its zone
+WEIGHT = 1e3  # of the conditions, which are met to more digits than the equations
+SAME = 1.5  # ratio of widths up to which a map is kept
+
+StateFunction = Callable[[Array], tuple[float, Array]]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition at borders: a sum of functions of the state at ends of zones has a given value.
+
+    Attributes:
+        terms: Zone, end and function of each; the function returns its value and its gradient ``(6,)``.
+        value: The value of the sum.
+    """
+
+    terms: tuple[tuple[int, int, StateFunction], ...]
+    value: float = 0.0
+
+
+def component(index: int, sign: float = 1.0) -> StateFunction:
+    """One component of the state x, y, phi, theta, kappa, D."""
+    return lambda state: (sign * state[index], sign * np.eye(6)[index])
+
+
+def moment(rod: Rod, sign: float) -> StateFunction:
+    """Moment of the belt's force and bending about the pulley's centre, on the pulley: M - R Qt."""
+
+    def function(state: Array) -> tuple[float, Array]:
+        force = Force.at(rod, state[3] - state[2], state[5])
+        gradient = np.array([0, 0, rod.radius * force.t_psi, -rod.radius * force.t_psi, rod.a, -rod.radius * force.t_D])
+        return sign * (rod.a * state[4] - rod.radius * force.t), sign * gradient
+
+    return function
+
+
+def onset(rod: Rod, slip: Slip) -> StateFunction:
+    """Rate of D of sliding; zero where sliding passes into stick with continuous friction."""
+
+    def function(state: Array) -> tuple[float, Array]:
+        rate, J = slip.linearised(rod, state[2:], np.empty(0))
+        return rate[3], np.array([0, 0, *J[3]])
+
+    return function
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The boundary-value problem of an ordered list of zones, on [0, 1].
+
+    Functions of all zones are stacked; parameters are the inner borders and then the constants of the zones.
+
+    Attributes:
+        rod: Stiffnesses and the pulley.
+        span: Distance of the clamps.
+        zones: The zones, in the direction of travel.
+        conditions: One for each border between zones on the pulley.
+        unit: Length that the bending strain is multiplied with among the functions; by default the shear layer.
+    """
+
+    rod: Rod
+    span: float
+    zones: tuple[ZoneEquations, ...]
+    conditions: tuple[Condition, ...]
+    unit: float = math.nan
+
+    def __post_init__(self) -> None:
+        rows = np.cumsum([0, *(zone.unknowns for zone in self.zones)])
+        constants = len(self.zones) - 1 + np.cumsum([0, *(zone.constants for zone in self.zones)])
+        slices = [(slice(rows[i], rows[i + 1]), slice(constants[i], constants[i + 1])) for i in range(len(self.zones))]
+        object.__setattr__(self, "slices", slices)
+        object.__setattr__(self, "size", (int(rows[-1]), int(constants[-1])))
+        if math.isnan(self.unit):
+            object.__setattr__(self, "unit", self.rod.shear_layer)
+        units = [
+            [1.0, 1.0, 1.0, self.unit] if zone.kind == "free" else [1.0, 1.0, self.unit, 1.0] for zone in self.zones
+        ]
+        units = [part[: zone.unknowns] for zone, part in zip(self.zones, units, strict=True)]
+        object.__setattr__(self, "units", np.concatenate(units))
+
+    def borders(self, p: Array) -> Array:
+        """All borders of zones, the clamps among them ``(len(zones) + 1,)``."""
+        return np.array([-0.5, *p[: len(self.zones) - 1], 0.5])
+
+    def parts(self, y: Array, p: Array) -> list[tuple[ZoneEquations, Array, Array]]:
+        """Each zone with its unknowns and constants."""
+        y = (y.T / self.units).T
+        return [(zone, y[rows], p[cols]) for zone, (rows, cols) in zip(self.zones, self.slices, strict=True)]
+
+    def stacked(self, parts: list[Array]) -> Array:
+        """Functions from the unknowns of each zone ``(n, m)``."""
+        return np.concatenate(parts) * self.units[:, None]
+
+    def widths(self, p: Array) -> Array:
+        """Widths of the layers at the ends of the zones, in parts of the zones ``(len(zones),)``."""
+        layers = [
+            WIDTH_FREE * self.rod.bending_layer(float(np.hypot(*p[constants])))
+            if zone.kind == "free"
+            else WIDTH_CONTACT * self.rod.shear_layer
+            for zone, (_, constants) in zip(self.zones, self.slices, strict=True)
+        ]
+        lengths = np.maximum(np.abs(np.diff(self.borders(p))), 1e-300)
+        return np.clip(layers / lengths, NARROWEST, 1.0)
+
+    def rate(self, xi: Array, y: Array, p: Array, widths: Array) -> Array:
+        """Right-hand side of all equations ``(n, m)``."""
+        lengths = np.diff(self.borders(p))
+        parts = zip(lengths, slopes(widths, xi), self.parts(y, p), strict=True)
+        return self.stacked([length * slope * zone.rate(self.rod, y, c) for length, slope, (zone, y, c) in parts])
+
+    def rate_jacobian(self, xi: Array, y: Array, p: Array, widths: Array) -> tuple[Array, Array]:
+        """Derivatives of the rate with respect to ``y`` ``(n, n, m)`` and ``p`` ``(n, k, m)``."""
+        (n, k), m, last = self.size, y.shape[1], len(self.zones) - 1
+        dy, dp = np.zeros((n, n, m)), np.zeros((n, k, m))
+        lengths, slope = np.diff(self.borders(p)), slopes(widths, xi)
+        for i, (zone, part, c) in enumerate(self.parts(y, p)):
+            rows, constants = self.slices[i]
+            rate, J = zone.linearised(self.rod, part, c)
+            units = self.units[rows]
+            rate *= slope[i] * units[:, None]
+            J *= lengths[i] * slope[i] * units[:, None, None]
+            dy[rows, rows], dp[rows, constants] = J[:, : zone.unknowns] / units[:, None], J[:, zone.unknowns :]
+            if i > 0:
+                dp[rows, i - 1] = -rate
+            if i < last:
+                dp[rows, i] = rate
+        return dy, dp
+
+    def residual(self, first: Array, last: Array, p: Array) -> Array:
+        """Residual of all border conditions ``(n + k,)``."""
+        states = [[zone.state(self.rod, y, c) for zone, y, c in self.parts(end, p)] for end in (first, last)]
+        clamps = [states[0][0][[0, 1, 3]] + [self.span / 2, 0, 0], states[-1][-1][[0, 1, 3]] - [self.span / 2, 0, 0]]
+        units = np.array([1.0, 1.0, 1.0, 1.0, self.unit, 1.0])
+        joints = [(units * (states[-1][i] - states[0][i + 1]))[self._continuous(i)] for i in range(len(self.zones) - 1)]
+        others = [
+            [
+                WEIGHT
+                * (sum(function(states[end][zone])[0] for zone, end, function in condition.terms) - condition.value)
+            ]
+            for condition in self.conditions
+        ]
+        return np.concatenate([*clamps, *joints, *others])
+
+    def residual_jacobian(self, first: Array, last: Array, p: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of the residual with respect to both ends ``(n + k, n)`` and ``p`` ``(n + k, k)``."""
+        n, k = self.size
+        J = np.zeros((2, n + k, n)), np.zeros((n + k, k))
+        states = [[zone.linearised_state(self.rod, y, c) for zone, y, c in self.parts(end, p)] for end in (first, last)]
+        row = 0
+
+        def add(zone: int, end: int, weights: Array) -> None:
+            """Adds ``weights`` ``(rows, 6)`` times the derivatives of a state to the next rows."""
+            block = weights @ states[end][zone][1]
+            functions, constants = self.slices[zone]
+            unknowns = self.zones[zone].unknowns
+            J[0][end, row : row + len(weights), functions] += block[:, :unknowns] / self.units[functions]
+            J[1][row : row + len(weights), constants] += block[:, unknowns:]
+
+        unit = np.eye(6)
+        for zone, end in ((0, FIRST), (len(self.zones) - 1, LAST)):
+            add(zone, end, unit[[0, 1, 3]])
+            row += 3
+        for i in range(len(self.zones) - 1):
+            continuous = (unit * [1.0, 1.0, 1.0, 1.0, self.unit, 1.0])[self._continuous(i)]
+            add(i, LAST, continuous)
+            add(i + 1, FIRST, -continuous)
+            row += len(continuous)
+        for condition in self.conditions:
+            for zone, end, function in condition.terms:
+                add(zone, end, WEIGHT * function(states[end][zone][0])[1][None])
+            row += 1
+        return J[0][FIRST], J[0][LAST], J[1]
+
+    def _continuous(self, i: int) -> slice:
+        """What is to be continuous behind zone ``i``: between two zones on the pulley, x and y follow from phi."""
+        return slice(0 if "free" in (self.zones[i].kind, self.zones[i + 1].kind) else 2, 6)
+
+
+def places(widths: Array, xi: Array) -> Array:
+    """Maps ``xi`` in [0, 1] to places in zones whose density is about 1 / (distance to the nearer end + width).
+
+    Args:
+        widths: One for each zone ``(z,)``.
+        xi: Coordinates ``(m,)`` or ``(z, m)``.
+
+    Returns:
+        Places in [0, 1] ``(z, m)``.
+    """
+    reach = 1.0 + 2.0 * widths[:, None]
+    return np.clip((1.0 + reach * np.tanh((2.0 * xi - 1.0) * np.arctanh(1.0 / reach))) / 2.0, 0.0, 1.0)
+
+
+def slopes(widths: Array, xi: Array) -> Array:
+    """Derivatives of `places` ``(z, m)``."""
+    reach = 1.0 + 2.0 * widths[:, None]
+    outmost = np.arctanh(1.0 / reach)
+    return reach * outmost / np.cosh((2.0 * xi - 1.0) * outmost) ** 2
+
+
+def placed_at(widths: Array, places: Array) -> Array:
+    """Inverse of `places`, for places ``(z, m)``."""
+    reach = 1.0 + 2.0 * widths[:, None]
+    return (1.0 + np.arctanh((2.0 * places - 1.0) / reach) / np.arctanh(1.0 / reach)) / 2.0

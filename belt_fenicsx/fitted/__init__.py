@@ -1,0 +1,1 @@
+"""Finite elements whose nodes move with the borders of the zones."""

@@ -1,0 +1,59 @@
+"""Elements of the fitted method: Lagrange polynomials through Gauss-Lobatto points, and through Gauss points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import basix
+import numpy as np
+import ufl
+
+from belt_fenicsx.backend import compat
+from belt_fenicsx.layout.arrays import Array
+
+LINE = basix.CellType.interval
+LOBATTO, GAUSS = basix.LagrangeVariant.gll_warped, basix.LagrangeVariant.gl_warped
+
+
+def lagrange(degree: int, *, size: int | None = None) -> Any:
+    """Continuous element with its nodes at the Gauss-Lobatto points, scalar or with ``size`` components."""
+    return _element(degree, LOBATTO, False, size)
+
+
+def gauss(count: int, *, size: int | None = None) -> Any:
+    """Discontinuous element with its nodes at the ``count`` Gauss points, scalar or with ``size`` components."""
+    return _element(count - 1, GAUSS, True, size)
+
+
+def one_sided(size: int) -> Any:
+    """Discontinuous element with ``size`` components, whose nodes are the cells' ends."""
+    return _element(1, LOBATTO, True, size)
+
+
+def line() -> ufl.Mesh:
+    """The interval on which forms are written."""
+    return ufl.Mesh(compat.coordinate_element())
+
+
+def points(degree: int, variant: Any = LOBATTO) -> Array:
+    """Nodes of an element in the reference cell, in the order of its dofs ``(degree + 1,)``."""
+    element = _basix(degree, variant, variant == GAUSS)
+    return np.asarray(element.points)[:, 0]
+
+
+def _basix(degree: int, variant: Any, discontinuous: bool) -> Any:
+    family = basix.ElementFamily.P
+    if compat.basix_ufl is None:
+        return basix.create_element(family, LINE, degree, variant, discontinuous)
+    return basix.create_element(family, LINE, degree, variant, discontinuous=discontinuous)
+
+
+def _element(degree: int, variant: Any, discontinuous: bool, size: int | None) -> Any:
+    family = basix.ElementFamily.P
+    if compat.basix_ufl is None:
+        from basix import ufl_wrapper
+
+        scalar = ufl_wrapper.create_element(family, LINE, degree, variant, discontinuous=discontinuous)
+        return scalar if size is None else ufl.VectorElement(scalar, dim=size)
+    shape = None if size is None else (size,)
+    return compat.basix_ufl.element(family, LINE, degree, variant, shape=shape, discontinuous=discontinuous)

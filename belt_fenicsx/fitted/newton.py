@@ -1,0 +1,308 @@
+"""Newton's iteration of the fitted method: PETSc SNES, with the linear solves of `condensed`."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import math
+import threading
+import weakref
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from belt_fenicsx.backend.petsc_options import PREFIX, set_options
+from belt_fenicsx.fitted.cells import Mesh
+from belt_fenicsx.fitted.elimination import Condensed, local
+from belt_fenicsx.fitted.forms import CHORD, CONSTANTS, SWITCHES, forms, points
+from belt_fenicsx.fitted.state import ENDS, State, on_chords, sum_error
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import BEFORE
+from belt_fenicsx.scene.scene import Scene
+
+logger = logging.getLogger(__name__)
+
+LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
+MOST_ITERATIONS = 30
+KEPT = 200  # cells, of an iteration that is kept for the next scene at most
+STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
+FRAMES = 2.0**20  # to a radian: angles to which frames of cells are rounded
+SETTLED = 0.1  # of the same, that the last step may take
+# Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
+# Python's own lock would let another one in between two steps.
+TURNS = threading.RLock()
+
+
+class Iteration:
+    """Newton's iteration on the residual of one list of zones, cells and degree.
+
+    It is a type of SNES, with SNES's options and monitors, that is written here: the callbacks of PETSc's own type took
+    a third of a step's time. The Jacobian is never a PETSc matrix: PETSc's own LU meets zero pivots here, and MUMPS,
+    the one sparse solver with pivoting that all builds of PETSc have, took 0.7 to 2 ms for a step where the elimination
+    cell by cell in `condensed` took 0.3 to 1 ms.
+
+    Attributes:
+        values: Unknowns of each cell ``(n, 5 k + 6)``, as in a state, but for theta, of which they are what it is more
+            than the angle of the cell's frame.
+        chords: Data of each cell's chord ``(n, len(CHORD))``.
+        ends: Ends of the zones ``(z + 1,)``.
+        residuals: Computes the residual of each cell.
+        jacobians: Computes the Jacobian of each cell.
+    """
+
+    def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
+        self.condensed = Condensed(mesh, degree, friction)
+        (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
+        coefficients = np.empty((n, dofs + on.shape[1] + len(CHORD)))
+        self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
+        # In the complex plane, a turn is a product.
+        self._deviation = self.values[:, local(degree).r].view(complex)
+        self._chords, self._axis, self._strain = (
+            self.chords[:, columns].view(complex) for columns in (slice(4), slice(6, 8), slice(8, 10))
+        )
+        switched[:] = on
+        self._constants = np.zeros(len(CONSTANTS))
+        compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
+        self.residuals = compiled.F.on(residuals, coefficients, self._constants)
+        self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
+        at = local(degree)
+        self._touches = mesh.touches
+        self._zone, self._length, self._nodes = mesh.zone, at.sigma.stop - 1, points(degree)[0]
+        self._positions, self._others, self._turn = at.r, slice(at.theta.start, None), at.theta
+        self._shape = self._nodes * (1.0 - self._nodes)
+        self._contact = slice(mesh.ends[0], mesh.ends[-1])
+
+    def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
+        """Sets the parameters of a scene, the state to start from, and when to end.
+
+        Args:
+            scene: The dimensionless scene.
+            state: Where it starts.
+            arrived: Largest step of a border, in lengths of the shortest cell, or of the stretch in stick, at which the
+                iteration ends.
+            held: Whether the first step holds the borders, so that all others know the forces that move them.
+            monitored: Whether the norm of the residual is asked for.
+        """
+        belt, pulley = scene.belt, scene.pulleys[0]
+        given = {
+            "a": belt.bending_stiffness, "b1": belt.extensional_stiffness, "b2": belt.shear_stiffness,
+            "R": pulley.radius, "mu": pulley.friction,
+            "x_trans": 0.0 if pulley.x_trans is None or isinstance(pulley.x_trans, str) else
+                pulley.x_trans - pulley.center[0],
+            "elongation_given": pulley.omega * pulley.radius - 1.0 if pulley.drive == "omega" else 0.0,
+            "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
+        }  # fmt: skip
+        self._constants[:] = [given[name] for name in CONSTANTS]
+        self._radius, self._square = pulley.radius, np.longdouble(pulley.radius) ** 2
+        self._arrived, self._held, self._monitored = arrived, held, monitored
+        self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
+        # Rounded so that cells that meet at a node agree on its angle to the last bit.
+        turn = self.values[:, self._turn]
+        self._frame = np.rint(turn[:, :1] * FRAMES) / FRAMES
+        turn -= self._frame
+        self._back = np.exp(-1j * self._frame.astype(np.longdouble))
+        self._axis[:] = self._back.conj()
+        self._bulge = self._arcs()
+        self.chords[:, 11], self.chords[:, 12] = self._bulge.real, self._bulge.imag
+        # The parabolas over the chords, at the nodes.
+        self._parabolas = self._bulge[:, None] * self._shape
+        self._deviation -= self._parabolas
+        self._measure()
+        self._share = state.cells[:, 1] - state.cells[:, 0]
+
+    def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
+        """The iteration; called by SNES."""
+        reasons = PETSc.SNES.ConvergedReason
+        reason, held = reasons.DIVERGED_MAX_IT, self._held
+        watched = self._monitored or logger.isEnabledFor(logging.INFO)
+        for iteration in range(snes.max_it):
+            self.residuals()
+            if watched:
+                residual = self.condensed.residual_norm()
+                snes.monitor(iteration, residual)
+            self.jacobians()
+            try:
+                step, scalars = self.condensed.step(self._share, held=held)
+                change = float(np.abs(scalars).max())
+            except np.linalg.LinAlgError:
+                change = math.nan
+            snes.setIterationNumber(iteration + 1)
+            if not math.isfinite(change):
+                reason = reasons.DIVERGED_LINEAR_SOLVE
+                break
+            step, shortening = self._borders_moved(step, scalars[:-1])
+            if watched:
+                borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
+                logger.info(
+                    "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
+                )
+            shortest = self.values[:, self._length].min()
+            arrived = change <= self._arrived * shortest and shortening <= SETTLED and not held
+            self._moved(step, bent=shortening > STRAIGHT and not arrived)
+            if arrived:
+                reason = reasons.CONVERGED_SNORM_RELATIVE
+                break
+            self._measure()
+            held = False
+        snes.setConvergedReason(reason)
+
+    def state(self, start: State) -> State:
+        """The state where it stands, which is of the kind of the one that it started from."""
+        values = self.values.copy()
+        values[:, self._turn] += self._frame
+        values[:, self._positions].view(complex)[:] += self._parabolas
+        return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
+
+    def _arcs(self) -> Array:
+        """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
+        arm, along = self._chords.T
+        length = np.abs(along)
+        depth = np.sqrt(np.maximum(self._radius**2 - (length / 2) ** 2, 0.0))
+        outwards = 1j * along / length
+        side = np.sign((outwards * arm.conj()).real)
+        return np.where(self._touches, side * length**2 / (self._radius + depth), 0.0) * outwards
+
+    def _measure(self) -> None:
+        """Computes the chords' small differences of large numbers to less than the rounding error of these.
+
+        NumPy's long double has eleven bits more than a double on x86, and never fewer.
+        """
+        length, chords = self.values[:, self._length :][:, :1], self._chords.astype(np.clongdouble)
+        ends = on_chords(chords, ENDS)
+        self.chords[:, 4:6] = self._square - (ends * ends.conj()).real
+        self._strain[:] = chords[:, 1:] * self._back / length - 1.0
+        self.chords[:, 10:11] = length
+        over, (arm, along) = self._bulge.conj(), chords.T
+        self.chords[:, 13] = (along * along.conj()).real - 2.0 * (over * arm).real
+        self.chords[:, 14] = (over * along).real
+
+    def _borders_moved(self, step: Array, borders: Array) -> tuple[Array, float]:
+        """Moves the borders by a step, shortened where one would come too close to the next one.
+
+        Returns:
+            The step of the cells, shortened alike, and the largest part that the full step takes from a zone.
+        """
+        way = np.zeros(self.ends.size)
+        way[1:-1] = borders
+        shortening = float(((way[:-1] - way[1:]) / (self.ends[1:] - self.ends[:-1])).max())
+        if shortening > LARGEST_STEP:
+            step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
+        self.ends = self.ends + way
+        self.values[:, self._length] = (self.ends[1:] - self.ends[:-1])[self._zone] * self._share
+        return step, shortening
+
+    def _moved(self, step: Array, *, bent: bool) -> None:
+        """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
+        way = step[:, self._positions].view(complex)
+        self._shifted(self._onto_pulley(way) if bent else way)
+        self.values[:, self._others] += step[:, self._others]
+
+    def _shifted(self, shift: Array) -> None:
+        """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
+        change = shift[:, :2].copy()
+        change[:, 1] -= shift[:, 0]
+        chords = self._chords + change
+        lost = sum_error(self._chords, change, chords)
+        deviation = shift - on_chords(change, self._nodes)
+        deviation[:, 0], deviation[:, 1] = 0.0, sum_error(shift[:, 1], -shift[:, 0], change[:, 1])
+        self._deviation += deviation + on_chords(lost, self._nodes)
+        self._chords[:] = chords
+
+    def _onto_pulley(self, straight: Array) -> Array:
+        """The way of nodes, bent to the pulley where they move on it; the free zones follow its ends.
+
+        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
+        through a short zone, the pressure and the friction that would mend this are larger than those by which the next
+        step has to place the border.
+
+        Args:
+            straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
+        """
+        contact, way = self._contact, straight.copy()
+        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._parabolas[contact]
+        arm = on_parabolas + self._deviation[contact]
+        distance = np.abs(arm)
+        turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
+        way[contact] = arm * (turn * (self._radius / distance) - 1.0)
+        up, off = self._contact.start, self._contact.stop - 1
+        # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
+        place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
+        way[:up] += place[:up] ** 2 * (way[up, 0] - straight[up, 0])
+        way[off + 1 :] += (1.0 - place[off + 1 :]) ** 2 * (way[off, 1] - straight[off, 1])
+        # Cells that meet at a node shift it alike, to the last bit.
+        way[1:, 0] = way[:-1, 1]
+        return way
+
+
+def iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
+    """The iteration on one list of zones, cells and degree; made once in a process where the cells are not many."""
+    # A cell takes some 60 kB. With many of them, making it anew takes less time than the solve.
+    return _iteration_on(mesh, degree, friction) if mesh.zone.size <= KEPT else Iteration(mesh, degree, friction)
+
+
+@functools.lru_cache(maxsize=64)
+def _iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
+    return Iteration(mesh, degree, friction)
+
+
+class Newton:
+    """SNES for solves with the same options."""
+
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        self._x, self._b = (PETSc.Vec().createSeq(1, comm=PETSc.COMM_SELF) for _ in range(2))
+        self.snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        self.snes.setType("python")
+        self.snes.setFunction(lambda *_: None, self._b)
+        self.snes.setTolerances(max_it=MOST_ITERATIONS)
+        set_options(self.snes, {}, options)
+        asked = {*PETSc.Options(PREFIX).getAll(), *options}
+        self._monitored = any(name.startswith("snes_monitor") for name in asked)
+        # With this object, and at the latest when Python ends: PETSc ends after it, when the iteration is gone.
+        weakref.finalize(self, self.snes.destroy)
+
+    def solve(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
+        """Iterates until a step is below ``arrived``, and small against the zones that it shortens.
+
+        Returns:
+            The new state, and the number of iterations; negative where they did not converge.
+        """
+        with TURNS:
+            iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
+            iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
+            self.snes.setPythonContext(iteration)
+            self.snes.solve(None, self._x)
+            iterations = self.snes.getIterationNumber()
+            return iteration.state(start), iterations if self.snes.getConvergedReason() > 0 else -iterations
+
+
+def newton(options: tuple[tuple[str, Any], ...]) -> Newton:
+    """The solver with these options; made once in a process."""
+    with TURNS:
+        return _newton(options)
+
+
+@functools.lru_cache(maxsize=8)
+def _newton(options: tuple[tuple[str, Any], ...]) -> Newton:
+    return Newton(dict(options))
+
+
+def switches(mesh: Mesh) -> Array:
+    """Which equations hold where ``(n, 2, len(SWITCHES))``."""
+    column = {name: index for index, name in enumerate(SWITCHES)}
+    on = np.zeros((mesh.zone.size, 2, len(SWITCHES)))
+    parts, borders = mesh.zones.parts, mesh.zones.borders
+    on[:, :, column["touch"]] = mesh.touches[:, None]
+    on[:, :, column["stick"]] = np.array([part.kind == "stick" for part in parts])[mesh.zone, None]
+    on[:, :, column["sense"]] = np.array([part.sense for part in parts])[mesh.zone, None]
+    for node, border, before, after in zip(mesh.ends, borders, parts[:-1], parts[1:], strict=True):
+        here = (node - 1, 1) if border.side == BEFORE else (node, 0)
+        on[here][column[border.condition]] = 1.0
+        if border.condition == "coulomb":
+            # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
+            on[here][column["sense"]] = -after.sense if border.side == BEFORE else before.sense
+    on[mesh.ends[mesh.zones.grip] - 1, 1, column["grip"]] = 1.0
+    on[:, :, column["force"]] = mesh.zones.by_force
+    return on

@@ -1,0 +1,101 @@
+"""What is read from a state of the fitted method: fields, zones and contact."""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+
+from belt_fenicsx.fitted.cells import once
+from belt_fenicsx.fitted.state import POINTS, State, tables
+from belt_fenicsx.layout.arrays import Array, vectors
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.solution import Contact, Zone
+
+CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
+
+
+def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
+    """sigma, p, f and D densely along a zone."""
+    cells, dense = state.mesh.cells(index), state.dense
+    return tuple(field[cells].ravel() for field in (dense.sigma, dense.p, dense.f, dense.D))
+
+
+def pulley_speed(scene: Scene, state: State) -> float:
+    """Speed of the pulley's surface: that of the belt in stick.
+
+    Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
+    """
+    pulley = scene.pulleys[0]
+    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
+        return pulley.omega * pulley.radius
+    if state.mesh.zones.transition or pulley.friction == 0.0:
+        return state.D_stick
+    sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
+    slowest, last = int(np.argmin(sense * D)), D.size - 1
+    while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
+        # Where cells meet, a point counts twice.
+        sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
+        D = np.abs(1.0 + state.strains_at(*state.located(sigma))[0])
+        slowest, last = int(np.argmin(sense * D)), D.size - 1
+    return float(D[slowest])
+
+
+def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
+    """Fields at any points, with the accuracy of the method.
+
+    Args:
+        scene: The dimensionless scene.
+        state: The state.
+        sigma: Coordinates in the belt ``(m,)``.
+        before: Whether a border between zones belongs to the zone before it instead of the zone after it.
+    """
+    sigma = np.asarray(sigma, dtype=float)
+    cell, xi = state.located(sigma, before=before)
+    (r, theta), (p, f), (strain, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.strains_at(cell, xi)
+    D = np.abs(1.0 + strain)
+    return Fields.from_state(
+        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
+        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
+        v_rel=D - pulley_speed(scene, state),
+    )  # fmt: skip
+
+
+def fields(scene: Scene, state: State) -> Fields:
+    """Fields at even points of each cell; the borders between zones appear once for each side."""
+    mesh, dense = state.mesh, state.dense
+    weight = state.length[:, None] * tables(state.degree)[3]
+    inner = ~mesh.begins[1:]
+    weight[:-1, -1][inner] += weight[1:, 0][inner]
+    points, zone = once(mesh, POINTS)
+    sigma, r, strain, D, theta, kappa, p, f, weight = (field.ravel()[points] for field in (*dense, weight))
+    return Fields.from_state(
+        scene.belt, zone=zone, weight=weight, sigma=sigma, r=vectors(r), theta=theta,
+        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
+        v_rel=D - pulley_speed(scene, state),
+    )  # fmt: skip
+
+
+def answer(scene: Scene, state: State) -> dict[str, Any]:
+    """Contact, zones and fields of a state, as arguments of a solution."""
+    mesh, pulley, r = state.mesh, scene.pulleys[0], state.ends_r
+    border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
+    sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
+    zones = tuple(
+        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
+    )
+    up, off = (border[[1, -2]] - complex(*pulley.center)).tolist()
+    contact = Contact(
+        omega=pulley_speed(scene, state) / pulley.radius,
+        x_up=zones[1].x[0],
+        x_trans=zones[mesh.zones.transition].x[1],
+        x_off=zones[-1].x[0],
+        torque=-pulley.radius * state.friction_force,
+        wrap_angle=cmath.phase(up / off) % (2.0 * math.pi),
+        zones=zones[1:-1],
+    )
+    return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}

@@ -1,0 +1,120 @@
+"""The mixed (r, theta) space of cubic Hermite elements, its nodal values, and data at the Gauss points.
+
+Hermite's slope dofs are reference derivatives and DOLFINx does not interpolate into them, so nodal values are
+set here, by number, on a mesh of unit cells (see `belt_fenicsx.mesh`).
+"""
+
+from __future__ import annotations
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+from belt_fenicsx.backend import compat
+from belt_fenicsx.lagrangian.mesh import unit_cells
+
+Array = np.ndarray
+
+# Local dofs of a cell, value and slope of the left node, then of the right one; r comes first, blocked.
+X_DOFS, Y_DOFS, THETA_DOFS = (0, 2, 4, 6), (1, 3, 5, 7), (8, 9, 10, 11)
+SLOPE = (1, 3)
+VALUE = (0, 2)
+
+# Two Gauss points for contact: as many conditions in a cell as it has dofs of normal (and tangential) motion. The
+# circle is then collocated to rounding; a third point leaves a penetration that no multiplier can close.
+CONTACT_DEGREE = 3
+
+# Tag of the mesh's unit cells.
+BELT = 1
+
+
+class HermiteSpace:
+    """Cubic Hermite functions (r, theta) of eta on unit cells, and the C1 map sigma(eta).
+
+    Attributes:
+        comm: The communicator.
+        mesh: Mesh of unit cells, and of some that lead past others.
+        w: The function (r, theta).
+        sigma: The map to the material-length coordinate.
+        clamped: Local dofs of x, y and theta at the two clamps.
+        weights: Gauss weights of a unit cell ``(points,)``.
+        first: Number of this rank's first node.
+        eta: Coordinates of the owned cells' Gauss points ``(cells, points)``, from left to right.
+    """
+
+    def __init__(self, elements: int, comm: MPI.Comm) -> None:
+        self.comm = comm
+        self.mesh, self._cells = unit_cells(elements, comm)
+        scalar = compat.function_space(self.mesh, compat.hermite())
+        mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
+        self._gauss_space = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
+        self.w, self.sigma = fem.Function(mixed), fem.Function(scalar)
+        self._dofs, self._sigma_dofs, self._gauss_dofs = (
+            compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self._gauss_space)
+        )
+        nodes = compat.nodes(self.mesh)[self._cells]
+        self.first = round(nodes[0, 0])
+        self.clamped = self._dofs_at((nodes == 0.0) | (nodes == float(elements)))
+        self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
+        self.eta = nodes[:, :1] + self.points.ravel()
+        numbers = np.sort(self._cells)
+        tags = mesh.meshtags(self.mesh, 1, numbers, np.full(len(numbers), BELT, dtype=np.int32))
+        self._dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=tags)
+
+    def dx(self, degree: int) -> ufl.Measure:
+        """Integrals by eta along the belt, with as many Gauss points as ``degree`` takes."""
+        return self._dx(BELT, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
+
+    def _dofs_at(self, ends: Array) -> Array:
+        values = [self._dofs[:, np.take(dofs, VALUE)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
+        return np.unique(np.concatenate(values)).astype(np.int32)
+
+    def _set_nodal(self, function: fem.Function, dofs: Array, values: Array, slopes: Array) -> None:
+        for value, slope, nodes in zip(VALUE, SLOPE, (slice(None, -1), slice(1, None)), strict=True):
+            function.x.array[dofs[:, value]] = values[nodes]
+            function.x.array[dofs[:, slope]] = slopes[nodes]
+
+    def set_map(self, sigma: Array, slopes: Array) -> None:
+        """Sets sigma and d sigma/d eta at this rank's nodes ``(cells + 1,)``."""
+        self._set_nodal(self.sigma, self._sigma_dofs, sigma, slopes)
+
+    def set_state(self, values: Array, slopes: Array) -> None:
+        """Sets x, y, theta and their derivatives by eta at this rank's nodes ``(cells + 1, 3)``."""
+        for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
+            self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
+
+    def nodal(self) -> Array:
+        """x, y, theta ``[0]`` and their derivatives by eta ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""
+        dofs = self._dofs[:, np.array([X_DOFS, Y_DOFS, THETA_DOFS])]
+        values = self.w.x.array[np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]])]
+        return np.moveaxis(values, -1, 0)
+
+    def gauss_function(self) -> fem.Function:
+        """A new coefficient with one value for each Gauss point, zero."""
+        return fem.Function(self._gauss_space)
+
+    def set_gauss(self, function: fem.Function, values: Array) -> None:
+        """Sets a Gauss-point coefficient from values on the owned cells ``(cells, points)``."""
+        function.x.array[self._gauss_dofs] = values
+
+    def expression(self, expr: object) -> fem.Expression:
+        """Compiles a vector-valued UFL expression for the Gauss points."""
+        return fem.Expression(expr, self.points)
+
+    def at_gauss(self, expression: fem.Expression) -> Array:
+        """Values at the owned cells' Gauss points ``(cells, points, size)``."""
+        return compat.evaluate(expression, self.mesh, self._cells).reshape(*self.eta.shape, -1)
+
+    def gather(self, values: Array) -> Array:
+        """Gauss-point values of all ranks, in their order along the belt, on every rank.
+
+        Args:
+            values: Values on the owned cells ``(cells, points, size)``.
+        """
+        size = values.shape[-1]
+        counts = self.comm.allgather(values.size)
+        everything = np.empty((sum(counts) // size, size))
+        self.comm.Allgatherv(np.ascontiguousarray(values), (everything, counts))
+        return everything

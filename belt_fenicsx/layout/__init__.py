@@ -1,0 +1,1 @@
+"""What the belt does part by part, as rows of data."""

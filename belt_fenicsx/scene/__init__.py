@@ -1,0 +1,1 @@
+"""What is asked: plain data, validated as they are made. Pure Python."""

@@ -1,0 +1,1 @@
+"""What comes back, whether it is an answer, and how it shows itself."""

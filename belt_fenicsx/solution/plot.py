@@ -1,0 +1,167 @@
+"""Pictures of solutions: functions that draw one solution into one Matplotlib axes and give the axes back."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from belt_fenicsx.scene.file import unknown_name
+from belt_fenicsx.solution.fields import QUANTITIES
+from belt_fenicsx.solution.files import COMPONENTS, columns
+from belt_fenicsx.solution.solution import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Told apart in grey, too: by the kind of line for a method, by hatching and shade for a zone.
+STYLES = {
+    "bvp": {"linestyle": ":", "linewidth": 1.6, "color": "black", "zorder": 3.0},
+    "augmented-lagrangian": {"linestyle": (0, (5, 2)), "linewidth": 3.0, "color": "tab:orange", "alpha": 0.75},
+    "fitted": {"linestyle": "-", "linewidth": 1.2, "color": "tab:blue"},
+}
+NAMES = {"bvp": "BVP", "augmented-lagrangian": "FEM, fixed mesh", "fitted": "FEM, fitted zones"}
+ZONE_STYLES = {
+    "free": {"color": "0.55", "linestyle": "-", "linewidth": 1.5},
+    "stick": {"color": "black", "linestyle": "-", "linewidth": 4.5},
+    "slip": {"color": "tab:red", "linestyle": (0, (1.2, 0.6)), "linewidth": 4.5},
+}
+
+
+def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False, **style: Any) -> Axes:
+    """Draws one field against x, with the borders of contact as vertical lines.
+
+    Args:
+        solution: A solution with fields.
+        ax: Axes to draw into.
+        name: Name of a scalar field or of a component, such as ``"p"``, ``"eps"``, ``"Gamma"`` or ``"Q1"``.
+        contact_only: Whether to leave the free spans out.
+        style: Keywords of Matplotlib's ``plot``; those of the method by default.
+
+    Raises:
+        SceneError: There is no such field, or the solution has none.
+    """
+    fields, table = solution.fields, columns(solution)
+    if name not in table:
+        raise unknown_name("name", name, table)
+    unit, values = table[name]
+    free = np.array([zone.kind == "free" for zone in solution.zones])
+    shown = ~free[fields.zone] if contact_only else np.ones(len(fields.sigma), dtype=bool)
+    style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
+    ax.plot(fields.x[shown], values[shown], **style)
+    mark_borders(solution, ax)
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel(f"{_meaning(name)} {_symbol(name)} [{unit}]")
+    return ax
+
+
+def _meaning(name: str) -> str:
+    texts = {part: QUANTITIES[whole].text for whole, parts in COMPONENTS.items() for part in parts}
+    return texts.get(name) or (QUANTITIES[name].text if name in QUANTITIES else name)
+
+
+def _symbol(name: str) -> str:
+    greek = {"eps": r"$\varepsilon$", "Gamma": r"$\Gamma$", "kappa": r"$\kappa$", "theta": r"$\theta$"}
+    return greek.get(name, f"${name}$")
+
+
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, also where nobody has loaded pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        image = io.BytesIO()
+        self.savefig(image, format="png")
+        return image.getvalue()
+
+
+def mark_borders(solution: Solution, ax: Axes) -> Axes:
+    """Marks run-up, transition and run-off by thin vertical lines."""
+    for zone in solution.zones[1:]:
+        ax.axvline(zone.x[0], color="0.8", linewidth=0.8, zorder=0)
+    return ax
+
+
+def contact_forces(solution: Solution, ax: Axes, which: str = "p", **style: Any) -> Axes:
+    """Draws the contact pressure (``which="p"``) or the friction traction (``"f"``), as in Fig. 18.2.
+
+    Args:
+        solution: A solution with fields.
+        ax: Axes to draw into.
+        which: ``"p"`` or ``"f"``.
+        style: Keywords of Matplotlib's ``plot``; those of the method by default.
+    """
+    return field(solution, ax, which, **style)
+
+
+def strains(solution: Solution, ax: Axes, which: str = "eps", **style: Any) -> Axes:
+    """Draws the axial strain (``which="eps"``) or the shear strain (``"Gamma"``), as in Fig. 18.3.
+
+    Args:
+        solution: A solution with fields.
+        ax: Axes to draw into.
+        which: ``"eps"`` or ``"Gamma"``.
+        style: Keywords of Matplotlib's ``plot``; those of the method by default.
+    """
+    return field(solution, ax, which, **style)
+
+
+def deformed_belt(solution: Solution, ax: Axes) -> Axes:
+    """Draws the deformed belt on its pulley, each zone in its own line, and the direction of travel.
+
+    Args:
+        solution: A solution with fields.
+        ax: Axes to draw into.
+    """
+    from matplotlib.patches import Circle
+
+    scene, fields = solution.scene, solution.fields
+    for pulley in scene.pulleys:
+        ax.add_patch(Circle(pulley.center, pulley.radius, facecolor="0.93", edgecolor="0.6", linewidth=0.8))
+    named = set()
+    for index, zone in enumerate(solution.zones):
+        inside = fields.zone == index
+        if not inside.any():
+            continue
+        last = np.flatnonzero(inside)[-1]
+        inside[min(last + 1, len(inside) - 1)] = True
+        label = None if zone.name in named else zone.name
+        ax.plot(fields.x[inside], fields.y[inside], label=label, **ZONE_STYLES[zone.kind])
+        named.add(zone.name)
+    half = scene.span / 2
+    ax.plot([-half, half], [0.0, 0.0], linestyle="none", marker="s", markersize=6, color="0.3", label="clamps")
+    ax.annotate("", xy=(-0.72 * half, 0.18 * half), xytext=(-0.98 * half, 0.18 * half), arrowprops={"arrowstyle": "->"})
+    ax.text(-0.98 * half, 0.22 * half, "travel", fontsize="small")
+    height = float(np.max(fields.y))
+    ax.set_aspect("equal")
+    ax.set_xlim(-1.08 * half, 1.08 * half)
+    ax.set_ylim(min(-0.25 * half, -0.5 * height), height + 0.22 * half)
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    ax.legend(loc="lower center", ncols=4, fontsize="small", frameon=False)
+    return ax
+
+
+def overview(*solutions: Solution) -> Figure:
+    """One figure of all: the deformed belt, and contact forces and strains of one or more solutions of a scene.
+
+    Args:
+        solutions: Solutions with fields; the first one's belt is drawn.
+    """
+    figure = NotebookFigure(figsize=(9.0, 9.0), layout="constrained")
+    axes = figure.subplot_mosaic([["belt", "belt"], ["p", "f"], ["eps", "Gamma"]])
+    deformed_belt(solutions[0], axes["belt"])
+    axes["belt"].set_title(_title(solutions[0]))
+    for solution in solutions:
+        for name in ("p", "f"):
+            contact_forces(solution, axes[name], name)
+        for name in ("eps", "Gamma"):
+            strains(solution, axes[name], name)
+    axes["p"].legend(fontsize="small")
+    return figure
+
+
+def _title(solution: Solution) -> str:
+    speeds = ", ".join(f"$\\omega$ = {contact.omega:.6g} rad/s" for contact in solution.contacts)
+    return f"{speeds or 'no contact'} ({NAMES.get(solution.method, solution.method)})"

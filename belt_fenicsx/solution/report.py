@@ -1,0 +1,212 @@
+"""A solution as text to read, in one line and in many, as JSON, and as HTML for notebooks."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from belt_fenicsx.scene.file import scene_to_dict
+from belt_fenicsx.solution.solution import Contact, Solution, Status
+
+if TYPE_CHECKING:
+    from belt_fenicsx.sweeps.sweep import Sweep
+
+RESOLUTION = 80  # of a notebook's figure [dots per inch]
+SHOWN = 5  # rows of a sweep's table that a notebook shows, from its head and from its tail
+
+
+def as_json(solution: Solution, left_out: Mapping[str, Any] | None = None) -> str:
+    """The solution and its scene as one JSON object, without the arrays.
+
+    Args:
+        solution: The solution.
+        left_out: Values that a scene file left out, if the scene is from one.
+    """
+    return _json({"scene": scene_to_dict(solution.scene), **_left_out(left_out), **solution.summary()}, indent=2)
+
+
+def _left_out(values: Mapping[str, Any] | None) -> dict[str, Any]:
+    return {} if values is None else {"left_out": dict(values)}
+
+
+def _json(plain: Mapping[str, Any], indent: int | None = None) -> str:
+    return json.dumps(_finite(plain), indent=indent, allow_nan=False)
+
+
+def row_as_json(values: Mapping[str, Any], solution: Solution) -> str:
+    """A row of a sweep as one line of JSON: the values of its scene that change, and the answer."""
+    return _json({"values": dict(values), **solution.summary()})
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity; null stands for them."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_text(solution: Solution) -> str:
+    """The solution as a table to read; what is no answer is marked on its first line."""
+    lines = [] if solution.success else [f"*** {_mark(solution.status)} ***", ""]
+    length = solution.scene.belt.length
+    for contact in solution.contacts:
+        lines += [
+            f"omega        {contact.omega:18.12g} rad/s",
+            f"run-up       {_place(contact.x_up, length):>18} m",
+            f"transition   {_place(contact.x_trans, length):>18} m",
+            f"run-off      {_place(contact.x_off, length):>18} m",
+            f"torque       {contact.torque:18.10g} N m",
+            f"wrap angle   {contact.wrap_angle:18.10g} rad",
+            "",
+        ]
+    if solution.zones:
+        lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
+        for zone in solution.zones:
+            lines.append(f"{zone.name:<14}{_interval(zone.sigma, length)}{_interval(zone.x, length)}")
+        lines.append("")
+    lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
+    lines += [f"violated: {violation}" for violation in solution.violations]
+    lines += [f"hint: {hint}" for hint in solution.hints]
+    if not math.isnan(solution.error_estimate):
+        lines.append(f"estimated relative error of omega: {solution.error_estimate:.1e}")
+    if solution.stages:
+        lines += ["", f"{'stage':<28}{'iterations':>10}{'time [ms]':>12}  why"]
+    for stage in solution.stages:
+        effort = ("skipped", "") if stage.iterations is None else (stage.iterations, f"{1e3 * stage.seconds:.1f}")
+        lines.append(f"{stage.name:<28}{effort[0]:>10}{effort[1]:>12}  {stage.why}")
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def as_line(solution: Solution) -> str:
+    """The solution in one line: method, status, and omega and the ends of contact where there is one."""
+    length = solution.scene.belt.length
+    parts = [f"{solution.method}: {solution.status.name}"]
+    for contact in solution.contacts:
+        ends = f"{_place(contact.x_up, length)} ... {_place(contact.x_off, length)}"
+        parts += [f"omega = {contact.omega:.12g} rad/s", f"contact {ends} m", f"torque = {contact.torque:.6g} N m"]
+    return f"<Solution {', '.join([*parts, f'{solution.iterations} iterations'])}>"
+
+
+def as_html(solution: Solution) -> str:
+    """The solution as a table and, where Matplotlib is there, a small figure of the deformed belt, in one piece."""
+    mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
+    sentences = (solution.status.value, solution.message, *solution.violations, *solution.hints)
+    text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
+    rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
+    rows += [("method", solution.method), ("iterations", str(solution.iterations))]
+    if not math.isnan(solution.error_estimate):
+        rows.append(("estimated relative error of omega", f"{solution.error_estimate:.1e}"))
+    table = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows)
+    return f"<div><p>{mark}{text}</p><table>{table}</table>{_html_figure(solution)}</div>"
+
+
+def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
+    return [
+        ("omega", f"{contact.omega:.12g} rad/s"),
+        ("run-up", f"{_place(contact.x_up, length)} m"),
+        ("transition", f"{_place(contact.x_trans, length)} m"),
+        ("run-off", f"{_place(contact.x_off, length)} m"),
+        ("torque", f"{contact.torque:.10g} N m"),
+        ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
+        ("zones", ", ".join(zone.name for zone in contact.zones)),
+    ]
+
+
+def _html_figure(solution: Solution) -> str:
+    if solution.fields is None or find_spec("matplotlib") is None:
+        return ""
+    from matplotlib.figure import Figure
+
+    from belt_fenicsx.solution.plot import deformed_belt
+
+    figure = Figure(figsize=(6.0, 3.0), layout="constrained")
+    deformed_belt(solution, figure.subplots())
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=RESOLUTION)
+    data = base64.b64encode(image.getvalue()).decode("ascii")
+    return f'<img alt="The deformed belt on its pulley" src="data:image/png;base64,{data}">'
+
+
+def sweep_as_line(sweep: Sweep) -> str:
+    """A sweep in one line: how many scenes, over what, and how they ended."""
+    over = ""
+    if sweep.over is not None and sweep.values:
+        paths = sweep.over if isinstance(sweep.over, str) else ", ".join(sweep.over)
+        over = f" over {paths} = {sweep.values[0]} ... {sweep.values[-1]}"
+    ends = Counter(solution.status.name for solution in sweep.solutions)
+    return f"<Sweep of {len(sweep.solutions)} scenes{over}: {', '.join(f'{n} {name}' for name, n in ends.items())}>"
+
+
+def sweep_as_html(sweep: Sweep) -> str:
+    """The head and the tail of a sweep's table."""
+    header, *rows = sweep.rows()
+    if len(rows) > 2 * SHOWN:
+        rows[SHOWN:-SHOWN] = [["..."] * len(header)]
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(_short(value))}</td>' for value in row)}</tr>" for row in rows)
+    return f"<div><p>{html.escape(sweep_as_line(sweep))}</p><table><tr>{head}</tr>{body}</table></div>"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
+def certificates(solutions: Sequence[Solution]) -> str:
+    """The certificates of a scene's solutions, below each other, and how far the solutions agree."""
+    lines = []
+    for solution in solutions:
+        lines += [f"{solution.method}: {solution.status.value}", *([solution.message] if solution.message else [])]
+        if solution.contacts:
+            contact = solution.contacts[0]
+            lines.append(f"omega {contact.omega:.12g} rad/s, torque {contact.torque:.10g} N m")
+        if solution.checks:
+            lines.append(f"  {'check':<42}{'margin':>11}{'allowed':>11}{'at x [m]':>13}")
+        for check in solution.checks:
+            verdict = "" if check.holds else "  violated"
+            lines.append(f"  {check.name:<42}{check.margin:>11.2e}{-check.tolerance:>11.0e}{check.x:>13.6g}{verdict}")
+        lines.append("")
+    if (difference := _difference(solutions)) is not None:
+        lines.append(f"relative difference of omega {difference:.1e}")
+    return "\n".join(lines)
+
+
+def certificates_as_json(solutions: Sequence[Solution], left_out: Mapping[str, Any] | None = None) -> str:
+    """What `certificates` tells as one JSON object."""
+    plain = [
+        {**solution.summary(), "checks": [{**asdict(check), "holds": check.holds} for check in solution.checks]}
+        for solution in solutions
+    ]
+    scene = scene_to_dict(solutions[0].scene)
+    difference = {"relative_difference_of_omega": _difference(solutions)}
+    return _json({"scene": scene, **_left_out(left_out), "solutions": plain, **difference}, indent=2)
+
+
+def _difference(solutions: Sequence[Solution]) -> float | None:
+    """How far two solutions differ in omega; None where one has none, or both have none but zero."""
+    if not all(solution.contacts for solution in solutions):
+        return None
+    first, second = (solution.contacts[0].omega for solution in solutions)
+    return 0.0 if first == second else (first - second) / max(abs(first), abs(second))
+
+
+def _mark(status: Status) -> str:
+    return "NOT ADMISSIBLE" if status is Status.NOT_ADMISSIBLE else "NO SOLUTION"
+
+
+def _interval(ends: tuple[float, float], length: float) -> str:
+    return f"{_place(ends[0], length):>14} ...{_place(ends[1], length):>14} "
+
+
+def _place(x: float, length: float) -> str:
+    """A coordinate to ten digits of the belt's length, so that rounding errors at zero are shown as zero."""
+    return f"{round(x / length, 10) * length + 0.0:.10g}"

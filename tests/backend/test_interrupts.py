@@ -1,0 +1,158 @@
+"""Ctrl-C and SIGTERM at any time: an exit code, nothing broken, nothing half-written."""
+
+import importlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from belt_fenicsx import Scene, solve
+from belt_fenicsx.backend import interrupts
+
+pytestmark = pytest.mark.serial
+
+# Called by PETSc in each iteration.
+CALLED = {
+    "fitted": ("belt_fenicsx.fitted.newton", "_moved"),
+    "augmented-lagrangian": ("belt_fenicsx.lagrangian.newton", "assemble_vector"),
+}
+
+
+@pytest.fixture(autouse=True)
+def default_handlers():
+    before = {number: signal.signal(number, signal.default_int_handler) for number in interrupts.SIGNALS}
+    yield
+    assert [signal.getsignal(number) for number in interrupts.SIGNALS] == [signal.default_int_handler] * 2
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_a_signal_waits_for_the_end_of_the_block():
+    done = []
+    with pytest.raises(KeyboardInterrupt), interrupts.held():
+        os.kill(os.getpid(), signal.SIGINT)
+        done.append("first")
+        with interrupts.held():
+            done.append("inner")
+        done.append("last")
+    assert done == ["first", "inner", "last"]
+
+
+@pytest.mark.parametrize("number", interrupts.SIGNALS)
+def test_a_signal_ends_the_block_where_it_may(number):
+    with pytest.raises(KeyboardInterrupt), interrupts.held():
+        interrupts.check()
+        os.kill(os.getpid(), number)
+        interrupts.check()
+        pytest.fail("went on")
+
+
+def test_ignored_signals_stay_so():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupts.held():
+        os.kill(os.getpid(), signal.SIGINT)
+        interrupts.check()
+    assert signal.signal(signal.SIGINT, signal.default_int_handler) is signal.SIG_IGN
+
+
+def test_other_threads_have_no_signals():
+    done = []
+
+    def work():
+        with interrupts.held():
+            interrupts.check()
+            done.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [signal.default_int_handler]
+
+
+@pytest.mark.parametrize("method", CALLED)
+def test_a_solve_ends_and_the_next_one_is_as_before(method, monkeypatch):
+    before, called = solve(Scene(), method=method), []
+    module, name = CALLED[method]
+    owner = importlib.import_module(module)
+    owner = getattr(owner, "Iteration", None) or owner.petsc
+    function = getattr(owner, name)
+
+    def interrupted(*args, **named):
+        called.append(os.kill(os.getpid(), signal.SIGINT))
+        return function(*args, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, name, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            solve(Scene(), method=method)
+    assert called
+    again = solve(Scene(), method=method)
+    assert (again.omega, again.iterations) == (before.omega, before.iterations)
+
+
+def test_a_script_that_is_interrupted_ends_by_the_signal():
+    code = """
+import os, signal
+from belt_fenicsx import Scene, solve
+from belt_fenicsx.fitted import newton as fitted_newton
+moved = fitted_newton.Iteration._moved
+fitted_newton.Iteration._moved = lambda *a, **named: os.kill(os.getpid(), signal.SIGINT) or moved(*a, **named)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+solve(Scene())
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == -signal.SIGINT
+    assert "\nKeyboardInterrupt" in result.stderr and "PETSC ERROR" not in result.stderr
+
+
+SWEEP = ["sweep", "--over", "pulleys.0.x_trans=-0.2:0.2:9000"]
+
+
+def started(*argv):
+    return subprocess.Popen(
+        [sys.executable, "-m", "belt_fenicsx", *argv],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A test run in the background has been told to ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_rows_of_a_sweep_are_kept_and_said_where(number, code, word, tmp_path):
+    side = tmp_path / "table.csv.part.0"
+    process = started(*SWEEP, "--out", str(tmp_path / "table.csv"))
+    while not (side.exists() and side.stat().st_size > 10_000):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(number)
+    told = process.communicate(timeout=60)[1]
+    rows = sum(1 for line in side.read_text().splitlines() if line)
+    assert process.returncode == code
+    assert (
+        told == f"belt-fenicsx: {word}. {rows} finished rows are kept in {side}; the same command goes on from there.\n"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == [side.name]
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "argv", [SWEEP, ["--method", "augmented-lagrangian", "--elements", "50000"]], ids=lambda a: a[0]
+)
+def test_any_time(argv, count):
+    times = random.Random(1)
+    for number in range(count):
+        process = started(*argv)
+        time.sleep(times.uniform(0.2, 2.0))
+        process.send_signal(interrupts.SIGNALS[number % 2])
+        told = process.communicate(timeout=60)[1]
+        assert process.returncode in (0, 130, 143), told
+        assert "Signal" not in told
