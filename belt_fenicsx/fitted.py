@@ -29,8 +29,9 @@ from mpi4py import MPI
 
 from belt_fenicsx.certificate import certified
 from belt_fenicsx.condensed import local
-from belt_fenicsx.fitted_answer import answer, fields_at
+from belt_fenicsx.fitted_answer import answer
 from belt_fenicsx.fitted_errors import change_of_pressure, error_of_known, errors_of_fields, rounding
+from belt_fenicsx.fitted_evaluator import FittedEvaluator
 from belt_fenicsx.fitted_newton import newton
 from belt_fenicsx.fitted_order import calm, change
 from belt_fenicsx.fitted_start import ARRIVED, LOWEST, NEGATIVE, RESCUE, WARM, Run, Start, meets, starts, warm
@@ -154,7 +155,7 @@ def solved(run: Run, ways: Sequence[Start], rtol: float, degree: int | None) -> 
         field_errors=result.errors_of_fields,
         measures={"change of p": result.change_of_p},
         state=result.state,
-        evaluator=functools.partial(fields_at, run.scene, result.state),
+        evaluator=FittedEvaluator.of(scene, found_there["zones"], result.state),
         **found_there,
     ).in_units(scene, run.units)
     return certified(solution, tolerance=TOLERANCE)
