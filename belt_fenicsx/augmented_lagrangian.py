@@ -29,6 +29,7 @@ from belt_fenicsx.petsc_options import checked_options
 from belt_fenicsx.problems import Options, problems, taking_turns
 from belt_fenicsx.scene import FEWEST_ELEMENTS, Scene, SceneError, Units, whole_number
 from belt_fenicsx.solution import Solution, Stage, Status, check_initial, finish
+from belt_fenicsx.solver import check_asked, clear_of_pulley, touches
 from belt_fenicsx.stages import Stages
 
 DEFAULT = 100  # elements
@@ -76,6 +77,8 @@ def solve(
     ask = functools.partial(_Asked.of, scene, elements, mesh, rtol, penalty_scale, options, initial)
     with taking_turns(comm):
         asked = agreed(comm, ask, _Asked.told)
+        if not touches(scene):
+            return finish(clear_of_pulley(scene, NAME), throw=throw)
         solution = _on_meshes(comm, asked)
     solution = solution.in_units(scene, asked.units)
     if solution.status is Status.SOLVED:
@@ -125,6 +128,7 @@ class _Asked:
         Raises:
             SceneError: One of them cannot be meant.
         """
+        check_asked(scene, rtol)
         pulley = scene.pulleys[0]
         if pulley.drive != "x_trans":
             expected = f"be left out with the method {NAME}, which needs `x_trans`"

@@ -27,9 +27,9 @@ from belt_fenicsx.bvp_drive import answers, driven, meets
 from belt_fenicsx.bvp_guess import from_fields
 from belt_fenicsx.bvp_order import STICK, Order, asked, pose
 from belt_fenicsx.certificate import certified
-from belt_fenicsx.scene import Scene, SceneError
+from belt_fenicsx.scene import Scene
 from belt_fenicsx.solution import Solution, Status, check_initial, finish
-from belt_fenicsx.solver import check_rtol, clear_of_pulley, touches
+from belt_fenicsx.solver import check_asked, clear_of_pulley, touches
 from belt_fenicsx.stages import Stopped
 
 METHOD = "bvp"
@@ -67,9 +67,7 @@ def solve(
         SceneError: The transition lies where stick cannot end, or an argument is out of its range.
         SolveError: There is no admissible answer and ``throw`` is true.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError("scene", "be a Scene", scene)
-    check_rtol(rtol)
+    check_asked(scene, rtol)
     check_initial(initial)
     if not touches(scene):
         clear = replace(clear_of_pulley(scene, METHOD), message="The straight belt is clear of the pulley.")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx import interrupts
 from belt_fenicsx.fields import Fields
+from belt_fenicsx.petsc_start import start_alone
 from belt_fenicsx.scene import Scene, SceneError, number
 from belt_fenicsx.solution import Solution, Stage, Status, Zone, finish
 
@@ -39,7 +40,8 @@ def solve(
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
-        comm: MPI communicator; all ranks by default.
+        comm: MPI communicator; all ranks by default. Those of it solve a fixed mesh together; with the method fitted,
+            each rank solves its own scene, and needs no other.
         options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
         initial: A solution to start from; first stages are then left out.
         throw: Whether a failure raises; otherwise its solution is given back.
@@ -48,45 +50,46 @@ def solve(
         The solution, the same on every rank.
 
     Raises:
-        SceneError: The scene, or an argument, cannot be meant; on all ranks, before anything collective.
+        SceneError: The scene, or an argument, cannot be meant; on all ranks that solve a fixed mesh together.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
-    if not isinstance(scene, Scene):
-        raise SceneError("scene", "be a Scene", scene)
     if method not in METHODS:
         raise SceneError("method", f"be one of {', '.join(METHODS)}", method)
-    check_rtol(rtol)
     # Only whoever has loaded mpi4py can have a communicator.
     if comm is not None and not hasattr(comm, "allgather"):
         raise SceneError("comm", "be an MPI communicator", comm)
-    if not touches(scene):
-        return finish(clear_of_pulley(scene, method), throw=throw)
     common: dict[str, Any] = {"rtol": rtol, "comm": comm, "options": options, "initial": initial, "throw": throw}
     if elements is not None:
         common["elements"] = elements
-    if method == "fitted":
-        if mesh is not None:
-            raise SceneError("mesh", "be left out with the method fitted, which moves its own nodes", mesh)
+    if method != "fitted":
         with interrupts.held():
-            from belt_fenicsx import fitted
+            start_alone()
+            from belt_fenicsx import augmented_lagrangian
 
-            return fitted.solve(scene, **common)
+            return augmented_lagrangian.solve(scene, mesh=mesh, **common)
+    check_asked(scene, rtol)
+    if not touches(scene):
+        return finish(clear_of_pulley(scene, method), throw=throw)
+    if mesh is not None:
+        raise SceneError("mesh", "be left out with the method fitted, which moves its own nodes", mesh)
     with interrupts.held():
-        from belt_fenicsx import augmented_lagrangian
+        start_alone()
+        from belt_fenicsx import fitted
 
-        return augmented_lagrangian.solve(scene, mesh=mesh, **common)
+        return fitted.solve(scene, **common)
 
 
-def check_rtol(rtol: float) -> float:
-    """Checks a relative tolerance.
+def check_asked(scene: object, rtol: float) -> None:
+    """Checks what every method is given: a scene, and a relative tolerance.
 
     Raises:
-        SceneError: It is no number, or outside of what double precision can give.
+        SceneError: It is no scene; or the tolerance is no number, or outside of what double precision can give.
     """
+    if not isinstance(scene, Scene):
+        raise SceneError("scene", "be a Scene", scene)
     low, high = RTOL_RANGE
     if not low <= number("rtol", rtol, "-") <= high:
         raise SceneError("rtol", f"lie in [{low:g}, {high:g}] [-]", rtol)
-    return rtol
 
 
 def touches(scene: Scene) -> bool:

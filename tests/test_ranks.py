@@ -1,0 +1,94 @@
+"""Ranks that do not do the same: an answer or an error on each of them, never a wait for one that does not come."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.serial
+
+LAUNCHER = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+    "OMP_NUM_THREADS": "1",
+}
+START = """
+from mpi4py import MPI
+from belt_fenicsx import Pulley, Scene, SceneError, solve, sweep
+rank, wait = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.Barrier
+fixed = dict(method="augmented-lagrangian", elements=60)
+lines = []
+def tell(*told):
+    lines.append(" ".join(map(str, (f"rank {rank}:", *told))))
+"""
+END = """
+for line in sum(MPI.COMM_WORLD.gather(lines) or [], []):
+    print(line)
+"""
+
+
+def on_two_ranks(*argv):
+    """What Python with these arguments tells."""
+    if LAUNCHER is None:
+        pytest.skip("there is no mpirun")
+    command = ["timeout", "100", LAUNCHER, "-n", "2", sys.executable, *argv]
+    result = subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True)
+    assert result.returncode == 0, (result.returncode, result.stdout, result.stderr)
+    return result.stdout
+
+
+def told(code):
+    """Lines that the ranks tell, those of rank 0 first."""
+    return on_two_ranks("-c", f"{START}{code}{END}").splitlines()
+
+
+@pytest.mark.parametrize("alone", [0, 1])
+def test_one_rank_alone_solves(alone):
+    code = f"if rank == {alone}: tell(f'{{solve(Scene()).omega:.9f}}')"
+    assert told(code) == [f"rank {alone}: 1.480709253"]
+
+
+def test_after_one_rank_alone_all_share_a_mesh():
+    code = """
+if rank == 0: solve(Scene())
+wait()
+solution = solve(Scene(), **fixed | dict(elements=2000))
+from petsc4py import PETSc
+sharing = [stage.name for stage in solution.stages if stage.name == "sharing"]
+tell(solution.status.name, f"{solution.omega:.5f}", *sharing, PETSc.Vec().createMPI(2).comm.size)
+"""
+    assert told(code) == ["rank 0: SOLVED 1.48071 2", "rank 1: SOLVED 1.48071 2"]
+
+
+@pytest.mark.parametrize("method", ["fitted", "augmented-lagrangian"])
+def test_fewer_scenes_than_ranks(method):
+    code = f"tell(len(sweep([Scene()], method={method!r}, comm=MPI.COMM_WORLD).solutions))"
+    assert told(code) == ["rank 0: 1", "rank 1: 1"]
+
+
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [
+        ("rtol=-1.0", "rtol"),
+        ("rtol=1e-7", "scene"),
+        ("scene=3", "scene"),
+        ("scene=Scene(pulleys=(Pulley(center=(0.0, -0.9)),))", "scene"),
+        ("scene=Scene(pulleys=(Pulley(omega=1.48, x_trans=None),))", "pulleys.0.omega"),
+    ],
+)
+def test_other_arguments_on_one_rank_are_an_error_on_all(other, name):
+    code = f"""
+for odd in (0, 1):
+    try:
+        solve(**dict(scene=Scene()) | fixed | (dict({other}) if rank == odd else dict()))
+    except SceneError as error:
+        tell(error.field)
+"""
+    assert told(code) == [f"rank {rank}: {name}" for rank in (0, 0, 1, 1)]
