@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from belt_fenicsx import cli
+
 pytestmark = pytest.mark.serial
 
 LAUNCHER = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
@@ -34,13 +36,13 @@ for line in sum(MPI.COMM_WORLD.gather(lines) or [], []):
 """
 
 
-def on_two_ranks(*argv):
+def on_two_ranks(*argv, code=0):
     """What Python with these arguments tells."""
     if LAUNCHER is None:
         pytest.skip("there is no mpirun")
     command = ["timeout", "100", LAUNCHER, "-n", "2", sys.executable, *argv]
     result = subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True)
-    assert result.returncode == 0, (result.returncode, result.stdout, result.stderr)
+    assert result.returncode == code, (result.returncode, result.stdout, result.stderr)
     return result.stdout
 
 
@@ -92,3 +94,33 @@ for odd in (0, 1):
         tell(error.field)
 """
     assert told(code) == [f"rank {rank}: {name}" for rank in (0, 0, 1, 1)]
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_rows_of_a_sweep_are_those_of_one_process(form, capsys):
+    argv = ["sweep", "--over", "pulleys.0.x_trans=-0.2,-0.1,0,0.1,0.6,0.2", "--rtol", "1e-6", *form]
+    assert cli.main(argv) == 3
+    alone, shared = capsys.readouterr().out.splitlines(), on_two_ranks("-m", "belt_fenicsx", *argv, code=3).splitlines()
+    assert len(shared) == len(alone) == 6 + (not form)
+    # The last digits depend on the answer from which a scene starts.
+    lines = [[(line.split(",")[0], "SOLVED" in line) for line in lines] for lines in (shared, alone)]
+    assert lines[0] == lines[1]
+
+
+def test_rows_of_other_ranks_come_as_they_are_solved():
+    code = """
+from belt_fenicsx.sweep_ranks import Relay
+shown = []
+rows = Relay(MPI.COMM_WORLD, shown.append)
+if rank == 1:
+    for index in (1, 2, 4):
+        rows.tell(index, f"{index}")
+if rank == 0:
+    MPI.COMM_WORLD.probe()
+    rows.tell(0, "0")
+    tell(*shown[:2])
+    rows.tell(3, "3")
+    rows.finish(5)
+    tell(*shown)
+"""
+    assert told(code) == ["rank 0: 0 1", "rank 0: 0 1 2 3 4"]
