@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import pickle
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
+from belt_fenicsx import interrupts
 from belt_fenicsx.scene import SceneError, Verbatim
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 30.0  # seconds, after which a rank says for whom it waits
+BETWEEN = 1e-4  # seconds between two looks whether all have come
 
 
 def on_first(comm: MPI.Comm, call: Callable[[], T]) -> T:
@@ -58,6 +66,7 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
         text = told(result)
     except Exception as caught:  # raised again on all ranks, which would wait for this one
         error = caught
+    _all_come(comm)
     raise_first(comm, error)
     digests = comm.allgather(hashlib.sha256(text.encode()).digest())
     others = [str(rank) for rank, digest in enumerate(digests) if digest != digests[0]]
@@ -65,6 +74,22 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
         expected = "be the same on all ranks that solve it together, as must be all other arguments"
         raise SceneError("scene", expected, Verbatim(f"others than rank 0 on rank {', '.join(others)}"))
     return result
+
+
+def _all_come(comm: MPI.Comm) -> None:
+    """Waits for all ranks, which Ctrl-C may end; says so where it takes long: one may never come."""
+    request, patience_ends = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        interrupts.check()
+        time.sleep(BETWEEN)
+        if time.monotonic() > patience_ends:
+            patience_ends = float("inf")
+            logger.warning(
+                "rank %d waits for others of %d ranks, which solve a fixed mesh together: all have to call `solve` "
+                "with the same scene and method, or with a `comm` of their own, as MPI.COMM_SELF",
+                comm.rank,
+                comm.size,
+            )
 
 
 def _portable(error: BaseException | None) -> BaseException | None:

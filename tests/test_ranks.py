@@ -124,3 +124,17 @@ if rank == 0:
     tell(*shown)
 """
     assert told(code) == ["rank 0: 0 1", "rank 0: 0 1 2 3 4"]
+
+
+def test_a_rank_says_for_whom_it_waits():
+    code = """
+import logging, time
+from belt_fenicsx import collective
+collective.PATIENCE = 0.5
+handler = logging.Handler()
+handler.emit = lambda record: tell(record.getMessage()[:34])
+logging.getLogger("belt_fenicsx").addHandler(handler)
+if rank == 0: time.sleep(3)
+tell(solve(Scene(), **fixed).status.name)
+"""
+    assert told(code) == ["rank 0: SOLVED", "rank 1: rank 1 waits for others of 2 ranks", "rank 1: SOLVED"]
