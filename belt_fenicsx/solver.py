@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from belt_fenicsx.backend import interrupts
+from belt_fenicsx.backend.ranks import agreed, start_alone
 from belt_fenicsx.scene.checks import (
     FEWEST_ELEMENTS,
     SceneError,
-    communicator,
     named_options,
     relative_tolerance,
     whole_number,
@@ -31,21 +32,23 @@ class Method(NamedTuple):
 
     Attributes:
         module: The module whose ``solve`` does it.
+        shared: Whether the ranks of a communicator solve one scene together.
         knows: Its arguments besides the scene, ``rtol``, ``initial`` and ``comm``.
         why: What it does, so that other arguments mean nothing to it.
         helper: Method whose answer it starts from once more where it finds none itself; empty without one.
     """
 
     module: str
+    shared: bool
     knows: tuple[str, ...]
     why: str
     helper: str = ""
 
 
 METHODS = {
-    "fitted": Method("fitted.method", ("elements", "options"), "which moves its own nodes", helper="bvp"),
-    "augmented-lagrangian": Method("lagrangian.method", ("elements", "mesh", "options"), "which has a fixed mesh"),
-    "bvp": Method("bvp.method", ("find_zones",), "which chooses its own meshes and uses no PETSc"),
+    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
+    "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
+    "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc"),
 }
 UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)  # from another start, there may be an answer
 
@@ -72,7 +75,8 @@ def solve(
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
-        comm: MPI communicator; all ranks by default.
+        comm: MPI communicator; all ranks by default. Those of it solve a fixed mesh together; with the method fitted,
+            each rank solves its own scene, and needs no other.
         options: PETSc options of the Newton solver, without their prefix ``belt_``; the command line's go first.
         initial: A solution to start from; first stages are then left out.
         throw: Whether a failure raises; otherwise its solution is given back.
@@ -81,7 +85,7 @@ def solve(
         The solution, the same on every rank.
 
     Raises:
-        SceneError: The scene, or an argument, cannot be meant; on all ranks, before anything collective.
+        SceneError: The scene, or an argument, cannot be meant; on all ranks that solve a fixed mesh together.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
     given = {"elements": elements, "mesh": mesh, "options": options}
@@ -100,10 +104,38 @@ def answer(
     throw: bool = True,
 ) -> Solution:
     """`solve`, with the arguments that not all methods have by their names."""
-    if not isinstance(scene, Scene):
-        raise SceneError("scene", "be a Scene", scene)
     if method not in METHODS:
         raise SceneError("method", f"be one of {', '.join(METHODS)}", method)
+    if comm is not None and not hasattr(comm, "allgather"):  # only whoever has loaded mpi4py can have one
+        raise SceneError("comm", "be an MPI communicator", comm)
+    row, check = METHODS[method], functools.partial(_checked, scene, method, arguments, rtol, initial)
+    if "options" in row.knows:
+        start_alone()
+    if row.shared:
+        from mpi4py import MPI
+
+        comm = comm or MPI.COMM_WORLD
+        checked = agreed(comm, check, lambda checked: repr((scene, checked)))
+    else:
+        checked = check()
+    if not touches(scene):
+        return finish(straight_belt(scene, method), throw=throw)
+    checked |= {"comm": comm, "initial": initial}
+    with interrupts.held():
+        solution = _solved(scene, method, **checked)
+        if row.helper and solution.status in UNFINISHED:
+            solution = _helped(scene, method, row.helper, solution, checked)
+    return finish(explained(solution), throw=throw)
+
+
+def _checked(scene: object, method: str, arguments: Mapping[str, Any], rtol: object, initial: object) -> dict[str, Any]:
+    """The arguments by their names, with their types.
+
+    Raises:
+        SceneError: One of them, or the scene, cannot be meant.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError("scene", "be a Scene", scene)
     for name, value in arguments.items():
         if name not in METHODS[method].knows:
             raise SceneError(name, f"be left out with the method {method}, {METHODS[method].why}", value)
@@ -114,15 +146,7 @@ def answer(
         checked["options"] = named_options(checked["options"])
     if initial is not None and not isinstance(initial, Solution):
         raise SceneError("initial", "be a Solution", initial)
-    checked |= {"rtol": relative_tolerance(rtol), "comm": communicator(comm)}
-    if not touches(scene):
-        return finish(straight_belt(scene, method), throw=throw)
-    with interrupts.held():
-        solution = _solved(scene, method, initial=initial, **checked)
-        helper = METHODS[method].helper
-        if helper and solution.status in UNFINISHED:
-            solution = _helped(scene, method, helper, solution, checked)
-    return finish(explained(solution), throw=throw)
+    return {**checked, "rtol": relative_tolerance(rtol)}
 
 
 def _solved(scene: Scene, method: str, **arguments: Any) -> Solution:
@@ -141,7 +165,7 @@ def _helped(scene: Scene, method: str, helper: str, failed: Solution, arguments:
     stages.ran(f"method {helper}", f"{failed.status.name} so far; it may find the zones", other.iterations)
     before, solution = [*failed.stages, *stages], failed
     if other.success:
-        solution = _solved(scene, method, initial=other, **arguments)
+        solution = _solved(scene, method, **{**arguments, "initial": other})
     if solution.status in UNFINISHED:
         status = other.status if other.status is Status.CAPACITY_EXCEEDED else failed.status
         message = f"{failed.message} The method {helper}: {' '.join((other.status.value, other.message)).strip()}"

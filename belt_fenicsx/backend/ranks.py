@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import pickle
+import sys
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
+from belt_fenicsx.backend import interrupts
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 30.0  # seconds, after which a rank says for whom it waits
+BETWEEN = 1e-4  # seconds between two looks whether all have come
 
 
 def on_first(comm: MPI.Comm, call: Callable[[], T]) -> T:
@@ -58,6 +67,7 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
         text = told(result)
     except Exception as caught:  # raised again on all ranks, which would wait for this one
         error = caught
+    _all_come(comm)
     raise_first(comm, error)
     digests = comm.allgather(hashlib.sha256(text.encode()).digest())
     others = [str(rank) for rank, digest in enumerate(digests) if digest != digests[0]]
@@ -67,6 +77,22 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
     return result
 
 
+def _all_come(comm: MPI.Comm) -> None:
+    """Waits for all ranks, which Ctrl-C may end; says so where it takes long: one may never come."""
+    request, patience_ends = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        interrupts.check()
+        time.sleep(BETWEEN)
+        if time.monotonic() > patience_ends:
+            patience_ends = float("inf")
+            logger.warning(
+                "rank %d waits for others of %d ranks, which solve a fixed mesh together: all have to call `solve` "
+                "with the same scene and method, or with a `comm` of their own, as MPI.COMM_SELF",
+                comm.rank,
+                comm.size,
+            )
+
+
 def _portable(error: BaseException | None) -> BaseException | None:
     """The error itself where it can travel to other ranks, otherwise its name and text."""
     try:
@@ -74,3 +100,22 @@ def _portable(error: BaseException | None) -> BaseException | None:
     except Exception:  # pickle lets through whatever an error's own methods raise
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
+
+
+def start_alone() -> None:
+    """Starts PETSc on this rank alone, unless it has started before; by itself it would wait for all ranks.
+
+    All ranks have to start it in the same way, and one that solves alone cannot wait for others. What PETSc does from
+    then on for all processes that it knows (``PETSC_COMM_WORLD``), such as its end, is this rank's own. A mesh that
+    ranks share is none of it, as it is on a communicator of its own; nor is what petsc4py makes without a communicator.
+    """
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size == 1 or "petsc4py.PETSc" in sys.modules:
+        return
+    import petsc4py
+
+    petsc4py.init(comm=MPI.COMM_SELF)
+    from petsc4py import PETSc
+
+    PETSc.Sys.setDefaultComm(MPI.COMM_WORLD)

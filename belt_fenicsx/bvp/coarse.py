@@ -95,7 +95,7 @@ def placed(run: Run, near: State | None = None) -> State:
     if first.plausible and (state := ordered(run, first)).plausible:
         run.stages.skipped("continuation", "the first guess sufficed")
         return state
-    if not isinstance(pulley.x_trans, str):
+    if pulley.friction > 0.0 and not isinstance(pulley.x_trans, str):
         near = check_transition(run)
     if near is not None and (start := _divided_stick(run, near)):
         for positive in (False, True):

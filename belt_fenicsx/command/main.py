@@ -227,21 +227,21 @@ def _solved(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
 
 def _swept(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
     solver = _solver(args, petsc, args.method)
+    from belt_fenicsx.sweeps.ranks import Relay
     from belt_fenicsx.sweeps.sweep import sweep
 
-    table = _Table(args.over, args.json)
     ranks = _ranks()
-    # Rows of other ranks are known at the end.
-    told_at_once = args.out is None and ranks is None
+    table = _Table(args.over, args.json)
+    rows = Relay(ranks, table.show)
 
     def solved(index: int, solution: Solution) -> None:
         _check_used(petsc, solution)
-        if told_at_once:
-            table.tell(args.values[index], solution)
+        if args.out is None:
+            rows.tell(index, table.row(args.values[index], solution))
 
     asked = {"over": args.over, "values": args.values, "solver": solver, "out": args.out, "on_solved": solved}
     try:
-        with _progress(args.progress, told_at_once) as progress:
+        with _progress(args.progress, args.out is None) as progress:
             result = sweep(scene, **asked, comm=ranks, keep_fields=False, progress=progress)
     except KeyboardInterrupt as error:
         error.add_note(_kept(args))
@@ -257,9 +257,8 @@ def _swept(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
             solved = sum(solution.success for solution in result.solutions)
             ends = {"table": str(args.out), "scenes": len(result.solutions), "solved": solved}
             _print(json.dumps(ends) if args.json else f"{args.out}: {len(result.solutions)} scenes, {solved} solved")
-        elif not told_at_once:
-            for values, solution in zip(result.values, result.solutions, strict=True):
-                table.tell(values, solution)
+        else:
+            rows.finish(len(result.solutions))
         return max(map(_exit_code, result.solutions))
 
     return report
@@ -276,17 +275,23 @@ class _Table:
     def __init__(self, over: tuple[str, ...], as_json: bool) -> None:
         self._over, self._as_json, self._begun = over, as_json, False
 
-    def tell(self, values: tuple[Any, ...], solution: Solution) -> None:
-        """Prints a row, the first one after the header."""
+    def row(self, values: tuple[Any, ...], solution: Solution) -> str:
+        """A row as text."""
         from belt_fenicsx.solution.report import row_as_json
-        from belt_fenicsx.sweeps.sweep import as_csv, header, row
+        from belt_fenicsx.sweeps.sweep import as_csv, row
 
         if self._as_json:
-            _print(row_as_json(dict(zip(self._over, values, strict=True)), solution))
-            return
-        rows = [row(values, solution)] if self._begun else [header(self._over), row(values, solution)]
+            return row_as_json(dict(zip(self._over, values, strict=True)), solution)
+        return as_csv([row(values, solution)]).rstrip("\n")
+
+    def show(self, text: str) -> None:
+        """Prints a row, the first one after the header."""
+        from belt_fenicsx.sweeps.sweep import as_csv, header
+
+        if not self._as_json and not self._begun:
+            text = as_csv([header(self._over)]) + text
         self._begun = True
-        _print(as_csv(rows).rstrip("\n"))
+        _print(text)
 
 
 def _kept(args: argparse.Namespace) -> str:

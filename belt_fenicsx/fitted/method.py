@@ -16,7 +16,6 @@ estimate of the error that it leaves.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,9 +27,10 @@ from mpi4py import MPI
 
 from belt_fenicsx.fitted.accuracy import change_of_pressure, error_of_known, errors_of_fields, rounding
 from belt_fenicsx.fitted.elimination import local
+from belt_fenicsx.fitted.evaluator import Evaluator
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.order import calm, change
-from belt_fenicsx.fitted.reading import answer, fields_at
+from belt_fenicsx.fitted.reading import answer
 from belt_fenicsx.fitted.start import ARRIVED, LOWEST, METHOD, NEGATIVE, WARM, Run, Start, meets, starts
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.scene.checks import SceneError
@@ -124,7 +124,7 @@ def solved(run: Run, ways: Sequence[Start], rtol: float, degree: int | None) -> 
         field_errors=result.errors_of_fields,
         measures={"change of p": result.change_of_p},
         state=result.state,
-        evaluator=functools.partial(fields_at, run.scene, result.state),
+        evaluator=Evaluator.of(scene, found_there["zones"], result.state),
         **found_there,
     ).in_units(scene, run.units)
     return certified(solution, tolerance=TOLERANCE)

@@ -101,14 +101,6 @@ def relative_tolerance(rtol: object) -> float:
     return result
 
 
-def communicator(comm: Any) -> Any:
-    """Checks that ``comm`` is an MPI communicator, or None, and returns it."""
-    # Only whoever has loaded mpi4py can have a communicator.
-    if comm is not None and not hasattr(comm, "allgather"):
-        raise SceneError("comm", "be an MPI communicator", comm)
-    return comm
-
-
 def named_options(options: object) -> dict[str, Any]:
     """Checks that ``options`` map names of PETSc options to values and returns them in alphabetical order."""
     if not isinstance(options, Mapping) or not all(isinstance(name, str) for name in options):

@@ -9,7 +9,8 @@ import json
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,13 @@ import numpy as np
 
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.scene.checks import SceneError, Verbatim
+from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict
 from belt_fenicsx.solution.fields import QUANTITIES, Fields
 from belt_fenicsx.solution.report import as_json
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Stage, Status, Zone
+from belt_fenicsx.solution.solution import Check, Contact, Evaluator, Solution, Stage, Status, Zone
 
+EVALUATOR = "evaluator."  # before the names of what knows the fields between points
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
 # What plain data hold for the annotations of a solution's parts.
 PLAIN: Mapping[str, Any] = {
@@ -42,7 +44,7 @@ MODULES = ("dolfinx", "ufl", "petsc4py", "mpi4py")
 def save(solution: Solution, path: str | Path) -> None:
     """Writes a solution into one NumPy file, from which `load` makes it again.
 
-    What a warm start needs is in the fields; a method's private state is left out.
+    What a warm start needs is in the fields; of a method's private state, what knows the fields between points is kept.
 
     Args:
         solution: The solution.
@@ -55,7 +57,7 @@ def save(solution: Solution, path: str | Path) -> None:
     path = Path(path)
     if path.suffix != ".npz":
         raise SceneError("path", "end in .npz", str(path))
-    arrays = _arrays(solution.fields)
+    arrays = _arrays(solution)
     text = json.dumps({**to_plain(solution), "arrays": [*arrays]})
     with replaced(path) as partial, open(partial, "wb") as file:
         np.savez_compressed(file, solution=text, **arrays)
@@ -80,11 +82,23 @@ def load(path: str | Path) -> Solution:
             raise SceneError(
                 "arrays", f"be {', '.join(plain['arrays']) or 'none'}", Verbatim(", ".join(arrays) or "none")
             )
-        return from_plain(plain, _fields(arrays) if arrays else None)
+        between = {name: arrays.pop(name) for name in [*arrays] if name.startswith(EVALUATOR)}
+        solution = from_plain(plain, _fields(arrays) if arrays else None)
+        return replace(solution, evaluator=_evaluator(solution, between)) if between else solution
     # A damaged archive, array or text has many ways to fail in the readers of Python and NumPy.
     except Exception as error:
         why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"
         raise SceneError("path", f"name a file that `save` wrote ({why})", str(path)) from None
+
+
+def _evaluator(solution: Solution, arrays: Mapping[str, Array]) -> Evaluator:
+    """What knows the fields between points, from the arrays of a file: the method that found them."""
+    named = {name.removeprefix(EVALUATOR): values for name, values in arrays.items()}
+    if solution.method not in METHODS:
+        raise SceneError("method", f"be one of {', '.join(METHODS)}", solution.method)
+    method = import_module(f"belt_fenicsx.{solution.method}.evaluator")
+    evaluator: Evaluator = method.Evaluator.from_arrays(solution.scene, solution.zones, named)
+    return evaluator
 
 
 def _fields(arrays: Mapping[str, Array]) -> Fields:
@@ -186,8 +200,10 @@ def _read(kind: str, value: Any) -> Any:
     return tuple(_read(members[0], item) for item in value)
 
 
-def _arrays(fields_: Fields | None) -> dict[str, Array]:
-    return {} if fields_ is None else {f.name: getattr(fields_, f.name) for f in fields(fields_)}
+def _arrays(solution: Solution) -> dict[str, Array]:
+    at_points = {} if solution.fields is None else {f.name: getattr(solution.fields, f.name) for f in fields(Fields)}
+    between = {} if solution.evaluator is None else solution.evaluator.arrays
+    return at_points | {f"{EVALUATOR}{name}": values for name, values in between.items()}
 
 
 def columns(solution: Solution) -> dict[str, tuple[str, Array]]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -17,7 +17,16 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.fields import Fields, same_values
 
-Evaluator = Callable[[Array, bool], Fields]
+
+class Evaluator(Protocol):
+    """Fields of a solution at any points."""
+
+    @property
+    def arrays(self) -> Mapping[str, Array]:
+        """What it is made from, by name."""
+
+    def __call__(self, sigma: Array, before: bool) -> Fields:
+        """Fields at points ``(m,)`` [m], at a border those of the zone before it, or after it."""
 
 
 class Status(enum.Enum):
@@ -157,17 +166,6 @@ class Stage:
     seconds: float = 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class InUnits:
-    """An evaluator of dimensionless fields that answers in the given units."""
-
-    evaluator: Evaluator
-    units: Units
-
-    def __call__(self, sigma: Array, before: bool) -> Fields:
-        return self.evaluator(sigma / self.units.length, before).in_units(self.units)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """The answer to a scene.
@@ -192,7 +190,8 @@ class Solution:
         stages: The stages, those that were skipped too.
         measures: What the iteration stopped on, by name.
         state: What a warm start needs, private to the method.
-        evaluator: Fields at any points, private to the method; None where it knows them only where ``fields`` are.
+        evaluator: Fields at any points in the scene's units, private to the method; None where it knows them only
+            where ``fields`` are.
     """
 
     scene: Scene
@@ -257,14 +256,13 @@ class Solution:
         return times
 
     def in_units(self, scene: Scene, units: Units) -> Solution:
-        """The answer to ``scene``, of which this is the dimensionless one."""
+        """The answer to ``scene``, of which this is the dimensionless one but for its evaluator."""
         return replace(
             self,
             scene=scene,
             contacts=tuple(contact.in_units(units) for contact in self.contacts),
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),
-            evaluator=self.evaluator and InUnits(evaluator=self.evaluator, units=units),
         )
 
     def evaluate(self, sigma: Any, side: Literal["left", "right"] = "right") -> Fields:
@@ -276,12 +274,12 @@ class Solution:
 
         Raises:
             SceneError: A coordinate lies outside of the belt, or the solution knows no fields between points: one by
-                another method than the fitted one, or one that was read from a file.
+                another method than the fitted one, or one from a file that was written without what it takes.
         """
         if self.evaluator is None:
             expected = (
-                "know its fields between points, as those of `solve(scene, method='fitted')` do (one from a file or by "
-                "another method becomes such a one by `solve(solution.scene, initial=solution)`)"
+                "know its fields between points, as those of `solve(scene, method='fitted')` do (one from an older "
+                "file or by another method becomes such a one by `solve(solution.scene, initial=solution)`)"
             )
             raise SceneError("solution", expected, self)
         if side not in ("left", "right"):

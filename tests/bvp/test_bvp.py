@@ -189,6 +189,15 @@ def test_entry_slip_as_a_list_of_zones():
     assert zone.state(problem.rod, functions, constants)[0] == pytest.approx(-0.2115616953, abs=1e-9)
 
 
+@pytest.mark.parametrize("drive", [{"omega": 4.5, "x_trans": None}, {"torque": 0.0, "x_trans": None}, {"x_trans": 0.0}])
+def test_without_friction_there_is_no_transition_to_be_checked(drive):
+    belt = Belt(length=1.016843946703355, thickness=0.03713582676250412)
+    pulley = {"radius": 0.2394963404000744, "center": (0.06018175419704566, -0.13887652607644677), "friction": 0.0}
+    solution = bvp.solve(Scene(belt=belt, pulleys=(Pulley(**pulley, **drive),)))
+    assert solution.contacts[0].wrap_angle == pytest.approx(0.0447955, rel=1e-5)
+    assert solution.omega == pytest.approx(drive.get("omega", 4.20184385), rel=1e-8)
+
+
 def test_frictionless_belt_slides_freely():
     solution = bvp.solve(scene(friction=0.0))
     assert [zone.kind for zone in solution.zones] == ["free", "slip", "free"]

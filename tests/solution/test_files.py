@@ -6,6 +6,7 @@ import io
 import json
 import struct
 from dataclasses import replace
+from types import SimpleNamespace
 from zipfile import ZipFile
 
 import meshio
@@ -183,6 +184,29 @@ def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, 
         del content[name]
     np.savez(tmp_path / "other.npz", **content)
     with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
+        load(tmp_path / "other.npz")
+
+
+@serial
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("values", lambda values: values[:, 1:], "evaluator.values"),
+        ("values", lambda values: values.astype(str), "evaluator.values"),
+        ("degree", lambda degree: degree + 2, "evaluator.values"),
+        ("counts", lambda counts: counts + 1, "evaluator"),
+        ("ends", lambda ends: ends[1:], "evaluator.ends"),
+        ("chords", None, "evaluator"),
+    ],
+)
+def test_arrays_between_points_have_to_fit_together(name, change, expected, tmp_path):
+    solution = solve(Scene())
+    arrays = solution.evaluator.arrays
+    arrays.update({name: change(arrays[name])} if change else {})
+    if change is None:
+        del arrays[name]
+    replace(solution, evaluator=SimpleNamespace(arrays=arrays)).save(tmp_path / "other.npz")
+    with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*`{expected}` must"):
         load(tmp_path / "other.npz")
 
 

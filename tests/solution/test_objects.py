@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from belt_fenicsx import Pulley, Scene, SceneError, Solution, SolveError, Status, bvp, solve, sweep
+from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, SolveError, Status, bvp, solve, sweep
 from belt_fenicsx.solution import plot
 
 pytestmark = pytest.mark.serial
@@ -54,9 +54,33 @@ def test_a_solution_that_travelled_knows_its_fields_between_points_and_starts_an
     assert bvp.solve(Scene(), initial=travelled(bvp.solve(Scene()))).success
 
 
-def test_what_is_read_from_a_file_says_how_to_know_its_fields_between_points(tmp_path):
-    solution = solve(Scene())
+SCENES = {
+    "stick and slip": Scene(),
+    "no friction": Scene(pulleys=(Pulley(friction=0.0),)),
+    "torque": Scene(pulleys=(Pulley(torque=-300.0, x_trans=None),)),
+    "speed": Scene(pulleys=(Pulley(omega=1.48, x_trans=None),)),
+    "other units": Scene(belt=Belt(length=1.99, thickness=0.01), span=2.0, transport_rate=7.0),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+@pytest.mark.parametrize("way", ["file", "pickle"])
+def test_fields_between_points_come_back_to_the_last_bit(scene, way, tmp_path, monkeypatch):
+    solution = solve(scene)
     solution.save(tmp_path / "a.npz")
+    again = Solution.load(tmp_path / "a.npz") if way == "file" else travelled(solution)
+    monkeypatch.setattr("belt_fenicsx.fitted.newton.Newton.solve", lambda *_, **__: pytest.fail("solved again"))
+    half, borders = scene.belt.length / 2, [zone.sigma[1] for zone in solution.zones[:-1]]
+    points = np.sort([*np.linspace(-half, half, 101), *borders])
+    for side in ("left", "right"):
+        assert again.evaluate(points, side) == solution.evaluate(points, side)
+    again.save(tmp_path / "b.npz")
+    assert Solution.load(tmp_path / "b.npz").evaluate(points) == solution.evaluate(points)
+
+
+def test_an_older_file_says_how_to_know_its_fields_between_points(tmp_path):
+    solution = solve(Scene())
+    replace(solution, evaluator=None).save(tmp_path / "a.npz")
     again = Solution.load(tmp_path / "a.npz")
     assert again == solution
     with pytest.raises(SceneError, match=r"solve\(solution.scene, initial=solution\)"):

@@ -1,0 +1,140 @@
+"""Ranks that do not do the same: an answer or an error on each of them, never a wait for one that does not come."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from belt_fenicsx.command import main as cli
+
+pytestmark = pytest.mark.serial
+
+LAUNCHER = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+    "OMP_NUM_THREADS": "1",
+}
+START = """
+from mpi4py import MPI
+from belt_fenicsx import Pulley, Scene, SceneError, solve, sweep
+rank, wait = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.Barrier
+fixed = dict(method="augmented-lagrangian", elements=60)
+lines = []
+def tell(*told):
+    lines.append(" ".join(map(str, (f"rank {rank}:", *told))))
+"""
+END = """
+for line in sum(MPI.COMM_WORLD.gather(lines) or [], []):
+    print(line)
+"""
+
+
+def on_two_ranks(*argv, code=0):
+    """What Python with these arguments tells."""
+    if LAUNCHER is None:
+        pytest.skip("there is no mpirun")
+    command = ["timeout", "100", LAUNCHER, "-n", "2", sys.executable, *argv]
+    result = subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True)
+    assert result.returncode == code, (result.returncode, result.stdout, result.stderr)
+    return result.stdout
+
+
+def told(code):
+    """Lines that the ranks tell, those of rank 0 first."""
+    return on_two_ranks("-c", f"{START}{code}{END}").splitlines()
+
+
+@pytest.mark.parametrize("alone", [0, 1])
+def test_one_rank_alone_solves(alone):
+    code = f"if rank == {alone}: tell(f'{{solve(Scene()).omega:.9f}}')"
+    assert told(code) == [f"rank {alone}: 1.480709253"]
+
+
+def test_after_one_rank_alone_all_share_a_mesh():
+    code = """
+if rank == 0: solve(Scene())
+wait()
+solution = solve(Scene(), **fixed | dict(elements=2000))
+from petsc4py import PETSc
+sharing = [stage.name for stage in solution.stages if stage.name == "sharing"]
+tell(solution.status.name, f"{solution.omega:.5f}", *sharing, PETSc.Vec().createMPI(2).comm.size)
+"""
+    assert told(code) == ["rank 0: SOLVED 1.48071 2", "rank 1: SOLVED 1.48071 2"]
+
+
+@pytest.mark.parametrize("method", ["fitted", "augmented-lagrangian"])
+def test_fewer_scenes_than_ranks(method):
+    code = f"tell(len(sweep([Scene()], method={method!r}, comm=MPI.COMM_WORLD).solutions))"
+    assert told(code) == ["rank 0: 1", "rank 1: 1"]
+
+
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [
+        ("rtol=-1.0", "rtol"),
+        ("rtol=1e-7", "scene"),
+        ("scene=3", "scene"),
+        ("scene=Scene(pulleys=(Pulley(center=(0.0, -0.9)),))", "scene"),
+        ("scene=Scene(pulleys=(Pulley(omega=1.48, x_trans=None),))", "scene"),
+    ],
+)
+def test_other_arguments_on_one_rank_are_an_error_on_all(other, name):
+    code = f"""
+for odd in (0, 1):
+    try:
+        solve(**dict(scene=Scene()) | fixed | (dict({other}) if rank == odd else dict()))
+    except SceneError as error:
+        tell(error.field)
+"""
+    assert told(code) == [f"rank {rank}: {name}" for rank in (0, 0, 1, 1)]
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_rows_of_a_sweep_are_those_of_one_process(form, capsys):
+    argv = ["sweep", "--over", "pulleys.0.x_trans=-0.2,-0.1,0,0.1,0.6,0.2", "--rtol", "1e-6", *form]
+    assert cli.main(argv) == 3
+    alone, shared = capsys.readouterr().out.splitlines(), on_two_ranks("-m", "belt_fenicsx", *argv, code=3).splitlines()
+    assert len(shared) == len(alone) == 6 + (not form)
+    # The last digits depend on the answer from which a scene starts.
+    lines = [[(line.split(",")[0], "SOLVED" in line) for line in lines] for lines in (shared, alone)]
+    assert lines[0] == lines[1]
+
+
+def test_rows_of_other_ranks_come_as_they_are_solved():
+    code = """
+from belt_fenicsx.sweeps.ranks import Relay
+shown = []
+rows = Relay(MPI.COMM_WORLD, shown.append)
+if rank == 1:
+    for index in (1, 2, 4):
+        rows.tell(index, f"{index}")
+if rank == 0:
+    MPI.COMM_WORLD.probe()
+    rows.tell(0, "0")
+    tell(*shown[:2])
+    rows.tell(3, "3")
+    rows.finish(5)
+    tell(*shown)
+"""
+    assert told(code) == ["rank 0: 0 1", "rank 0: 0 1 2 3 4"]
+
+
+def test_a_rank_says_for_whom_it_waits():
+    code = """
+import logging, time
+from belt_fenicsx.backend import ranks as collective
+collective.PATIENCE = 0.5
+handler = logging.Handler()
+handler.emit = lambda record: tell(record.getMessage()[:34])
+logging.getLogger("belt_fenicsx").addHandler(handler)
+if rank == 0: time.sleep(3)
+tell(solve(Scene(), **fixed).status.name)
+"""
+    assert told(code) == ["rank 0: SOLVED", "rank 1: rank 1 waits for others of 2 ranks", "rank 1: SOLVED"]
