@@ -10,6 +10,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from types import FrameType
 from typing import Any
 
@@ -38,6 +39,10 @@ class Held:
             self.handlers[number](number, None)
 
 
+# `signal.getsignal` takes longer than anything else between two stages of a small solve.
+HOLD: ContextVar[Held | None] = ContextVar("HOLD", default=None)
+
+
 @contextlib.contextmanager
 def held() -> Iterator[None]:
     """Holds signals back until its block ends, or `check` is called in it.
@@ -45,17 +50,18 @@ def held() -> Iterator[None]:
     Python's signals come to the main thread alone; elsewhere, and within another such block, there is nothing to do.
     Signals without a handler in Python end the process at once, and those that are ignored stay so.
     """
-    inner = isinstance(signal.getsignal(signal.SIGINT), Held) or isinstance(signal.getsignal(signal.SIGTERM), Held)
-    if inner or threading.current_thread() is not threading.main_thread():
+    if HOLD.get() or threading.current_thread() is not threading.main_thread():
         yield
         return
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
     hold = Held({number: handler for number, handler in handlers.items() if callable(handler)})
+    token = HOLD.set(hold)
     try:
         for number in hold.handlers:
             signal.signal(number, hold)
         yield
     finally:
+        HOLD.reset(token)
         for number, handler in hold.handlers.items():
             signal.signal(number, handler)
         hold.deliver()
@@ -63,7 +69,5 @@ def held() -> Iterator[None]:
 
 def check() -> None:
     """Lets a signal through that was held back; called where a solve can end without harm."""
-    for number in SIGNALS:
-        hold = signal.getsignal(number)
-        if isinstance(hold, Held):
-            hold.deliver()
+    if hold := HOLD.get():
+        hold.deliver()

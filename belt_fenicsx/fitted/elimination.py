@@ -21,7 +21,9 @@ import numpy as np
 from belt_fenicsx.fitted.cells import Mesh
 from belt_fenicsx.layout.arrays import Array
 
-APART = 8  # degree from which it pays to eliminate positions, angles and tractions of a cell in stick one after another
+# Degree from which positions, angles and tractions of a cell in stick are eliminated one after another: about where it
+# begins to pay, and where the friction of a thin steel band needs it to be as accurate as its estimate says.
+APART = 8
 LONGEST = 16  # chain of cells, or pairs, that is solved densely: about where another level of pairs begins to pay
 
 

@@ -216,12 +216,14 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
         if (p := state.values[:, local(k).p]).min() < -NEGATIVE * p.max():
             raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, state))
         change = change_of_pressure(start, state)
-        error, errors = error_of_known(run.scene, before, start, state, change, change_before), {}
-        known = error <= max(rtol, rounding(run.scene, state)) and change <= COARSEST
+        known, error, errors = False, math.inf, {}
+        if k >= last:
+            error = error_of_known(run.scene, before, start, state, change, change_before)
+            known = error <= max(rtol, rounding(run.scene, state)) and change <= COARSEST
         if known or k >= (degree or HIGHEST):
             errors = errors_of_fields(run.scene, before, state, change, change_before)
             known = known and max(errors.values()) <= of_fields(rtol)
-        final = k >= last and (known or k == degree)
+        final = known or k == degree
         early = (k == lowest or (change <= COARSEST and not judged)) and (k >= last or not calm(run.scene, state))
         change_before = change
         if early or (final and k < (degree or HIGHEST)):

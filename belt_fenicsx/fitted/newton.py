@@ -18,7 +18,7 @@ from belt_fenicsx.backend.petsc_options import PREFIX, set_options
 from belt_fenicsx.fitted.cells import Mesh
 from belt_fenicsx.fitted.elimination import Condensed, local
 from belt_fenicsx.fitted.forms import CHORD, CONSTANTS, SWITCHES, forms, points
-from belt_fenicsx.fitted.state import ENDS, State, on_chords, sum_error
+from belt_fenicsx.fitted.state import State, on_chords, sum_error
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE
 from belt_fenicsx.scene.scene import Scene
@@ -69,7 +69,8 @@ class Iteration:
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
         at = local(degree)
-        self._touches = mesh.touches
+        self._touches = mesh.touches.astype(float)
+        self._places = np.empty((n, 3), dtype=np.clongdouble)
         self._zone, self._length, self._nodes = mesh.zone, at.sigma.stop - 1, points(degree)[0]
         self._positions, self._others, self._turn = at.r, slice(at.theta.start, None), at.theta
         self._shape = self._nodes * (1.0 - self._nodes)
@@ -105,10 +106,10 @@ class Iteration:
         turn -= self._frame
         self._back = np.exp(-1j * self._frame.astype(np.longdouble))
         self._axis[:] = self._back.conj()
-        self._bulge = self._arcs()
-        self.chords[:, 11], self.chords[:, 12] = self._bulge.real, self._bulge.imag
+        bulge = self._arcs()[:, None]
+        self.chords[:, 11:13], self._over = bulge.view(float), bulge.conj()
         # The parabolas over the chords, at the nodes.
-        self._parabolas = self._bulge[:, None] * self._shape
+        self._parabolas = bulge * self._shape
         self._deviation -= self._parabolas
         self._measure()
         self._share = state.cells[:, 1] - state.cells[:, 0]
@@ -158,26 +159,29 @@ class Iteration:
 
     def _arcs(self) -> Array:
         """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
-        arm, along = self._chords.T
+        along = self._chords[:, 1]
         length = np.abs(along)
         depth = np.sqrt(np.maximum(self._radius**2 - (length / 2) ** 2, 0.0))
-        outwards = 1j * along / length
-        side = np.sign((outwards * arm.conj()).real)
-        return np.where(self._touches, side * length**2 / (self._radius + depth), 0.0) * outwards
+        # A belt that goes over the pulley has it on its right.
+        return self._touches * (length**2 / (self._radius + depth)) * (1j * along / length)
 
     def _measure(self) -> None:
         """Computes the chords' small differences of large numbers to less than the rounding error of these.
 
         NumPy's long double has eleven bits more than a double on x86, and never fewer.
         """
-        length, chords = self.values[:, self._length :][:, :1], self._chords.astype(np.clongdouble)
-        ends = on_chords(chords, ENDS)
-        self.chords[:, 4:6] = self._square - (ends * ends.conj()).real
-        self._strain[:] = chords[:, 1:] * self._back / length - 1.0
-        self.chords[:, 10:11] = length
-        over, (arm, along) = self._bulge.conj(), chords.T
-        self.chords[:, 13] = (along * along.conj()).real - 2.0 * (over * arm).real
-        self.chords[:, 14] = (over * along).real
+        # The left end, the chord and the right end.
+        places, length = self._places, self.chords[:, 10:11]
+        length[:] = self.values[:, self._length :][:, :1]
+        places[:, :2] = self._chords
+        np.add(places[:, 0], places[:, 1], out=places[:, 2])
+        squares = places.view(np.longdouble) ** 2
+        squares = squares[:, ::2] + squares[:, 1::2]
+        over = (self._over * places[:, :2]).real
+        self.chords[:, 4:6] = self._square - squares[:, ::2]
+        self._strain[:] = places[:, 1:2] * self._back / length - 1.0
+        self.chords[:, 13] = squares[:, 1] - 2.0 * over[:, 0]
+        self.chords[:, 14] = over[:, 1]
 
     def _borders_moved(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Moves the borders by a step, shortened where one would come too close to the next one.

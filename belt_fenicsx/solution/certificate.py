@@ -154,11 +154,15 @@ def _smallest_margins(
     where = np.array([[zone.kind in wanted for zone in zones] for wanted in kinds]).take(fields.zone, axis=1)
     # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
     sizes[~(sizes > 0.0)] = math.nan
-    margins = values / sizes
-    allowed = tolerance + np.minimum(errors[:, None] / sizes, MOST) + roundings[:, None] / sizes
-    worst = np.where(where, margins + allowed, math.inf).argmin(axis=1).tolist()
+    excused = np.minimum(errors[:, None], MOST * sizes) + roundings[:, None]
+    worst = np.where(where, (values + excused) / sizes, math.inf).argmin(axis=1).tolist()
     return [
-        Check(name=name, margin=float(margins[at]), tolerance=float(allowed[at]), x=float(fields.x[at[1]]))
+        Check(
+            name=name,
+            margin=float(values[at] / sizes[at]),
+            tolerance=float(tolerance + excused[at] / sizes[at]),
+            x=float(fields.x[at[1]]),
+        )
         for name, at in zip(names, enumerate(worst), strict=True)
         if where[at]
     ]
