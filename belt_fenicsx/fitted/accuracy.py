@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from belt_fenicsx.fitted.elimination import local
-from belt_fenicsx.fitted.forms import gauss_weights
+from belt_fenicsx.fitted.dofs import local
+from belt_fenicsx.fitted.elements import gauss_weights
 from belt_fenicsx.fitted.reading import pulley_speed
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array

@@ -96,7 +96,7 @@ def meshed(zones: Zones, counts: tuple[int, ...]) -> Mesh:
 
 
 def divided(
-    zones: Zones, ends: Sequence[float], *, bending: float, shear: float, elements: int | None = None
+    zones: Zones, ends: Sequence[float] | Array, *, bending: float, shear: float, elements: int | None = None
 ) -> tuple[Mesh, Array]:
     """Divides zones into cells.
 
@@ -110,7 +110,8 @@ def divided(
     Returns:
         The mesh, and both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
     """
-    counts, nodes = [], []
+    counts: list[int] = []
+    nodes: list[tuple[float, float]] = []
     gradings = [
         (FIRST_CONTACT * shear / (end - start), GROWTH_CONTACT)
         if part.touches

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import basix
@@ -35,10 +36,36 @@ def line() -> ufl.Mesh:
     return ufl.Mesh(compat.coordinate_element())
 
 
-def points(degree: int, variant: Any = LOBATTO) -> Array:
-    """Nodes of an element in the reference cell, in the order of its dofs ``(degree + 1,)``."""
-    element = _basix(degree, variant, variant == GAUSS)
-    return np.asarray(element.points)[:, 0]
+def points(degree: int) -> tuple[Array, Array]:
+    """The reference cell's nodes, left, right and inner ``(k + 1,)``, and its Gauss points ``(k,)``."""
+    return _nodal(degree).points[:, 0], _traction(degree).points[:, 0]
+
+
+@functools.cache
+def gauss_weights(degree: int) -> Array:
+    """Weights of the Gauss points ``(k,)``."""
+    return np.asarray(basix.make_quadrature(LINE, 2 * degree - 1)[1])
+
+
+def nodal_basis(degree: int, at: Array) -> tuple[Array, Array]:
+    """Polynomials through the nodes, and their derivatives, at points ``(m,)``: two arrays ``(m, k + 1)``."""
+    values, slopes = _nodal(degree).tabulate(1, at[:, None])[..., 0]
+    return values, slopes
+
+
+def gauss_basis(degree: int, at: Array) -> Array:
+    """Polynomials through the Gauss points at points ``(m,)``: ``(m, k)``."""
+    return np.asarray(_traction(degree).tabulate(0, at[:, None])[0, ..., 0])
+
+
+@functools.cache
+def _nodal(degree: int) -> Any:
+    return _basix(degree, LOBATTO, False)
+
+
+@functools.cache
+def _traction(degree: int) -> Any:
+    return _basix(degree - 1, GAUSS, True)
 
 
 def _basix(degree: int, variant: Any, discontinuous: bool) -> Any:

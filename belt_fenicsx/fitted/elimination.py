@@ -3,11 +3,8 @@
 What a cell hides from its neighbours is eliminated first, all cells of a kind at once, by dense factorisations with
 pivoting. What is left couples the nodes and the few scalars, the borders and the stretch in stick. On many cells, the
 node between two of them is eliminated next, all pairs at once, then that between two pairs, and so on: the cost grows
-with the number of cells, not with its power. The rest is solved densely. The map sigma(eta) is no unknown of its own:
-a part of the columns of each cell is added to those of the borders at both ends of its zone.
-
-All of a cell's pressures and frictions are too many to be eliminated with it, as there is one more Gauss point than
-inner nodes; so those of one Gauss point are left. Of two cells, or pairs, one such point goes with the node between.
+with the number of cells, not with its power. The tractions that the first of a pair leaves go with the node between.
+The rest is solved densely.
 """
 
 from __future__ import annotations
@@ -18,47 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from belt_fenicsx.fitted.cells import Mesh
+from belt_fenicsx.fitted.dofs import NODE, Pattern, Table
 from belt_fenicsx.layout.arrays import Array
 
-# Degree from which positions, angles and tractions of a cell in stick are eliminated one after another: about where it
-# begins to pay, and where the friction of a thin steel band needs it to be as accurate as its estimate says.
-APART = 8
-LONGEST = 16  # chain of cells, or pairs, that is solved densely: about where another level of pairs begins to pay
-
-
-@dataclass(frozen=True)
-class Local:
-    """A cell's dofs by field, in the order of the mixed element of degree k.
-
-    Attributes:
-        r: Those of x and y at each node, in turns ``(2 k + 2,)``.
-        theta: ``(k + 1,)``.
-        p: ``(k,)``.
-        f: ``(k,)``.
-        sigma: ``(2,)``.
-        D: ``(1,)``.
-    """
-
-    r: slice
-    theta: slice
-    p: slice
-    f: slice
-    sigma: slice
-    D: slice
-
-
-@functools.cache
-def local(degree: int) -> Local:
-    """A cell's dofs."""
-    k = degree
-    ends = itertools.accumulate([2 * (k + 1), k + 1, k, k, 2, 1], initial=0)
-    return Local(*(slice(start, end) for start, end in itertools.pairwise(ends)))
-
-
-def width(degree: int) -> int:
-    """Number of a cell's dofs."""
-    return 5 * degree + 6
+# A chain of up to so many cells, or pairs, is solved densely: about where another level of pairs begins to pay.
+LONGEST = 16
 
 
 @dataclass(frozen=True)
@@ -118,132 +79,39 @@ class Level:
 
 
 class Condensed:
-    """Newton steps on one mesh with elements of one degree.
-
-    Unknowns are numbered: first those that couple cells, of the nodes, tractions, borders and the stretch in stick;
-    then one number for all dofs that are held; then those that are eliminated with their cell. An equation has its
-    unknown's number.
+    """Newton steps with one table of dofs.
 
     Args:
-        mesh: Zones and cells.
-        degree: Degree k.
-        friction: Whether the friction traction is an unknown.
+        table: Numbers of the dofs, and how cells are eliminated.
 
     Attributes:
-        held: The number that stands for dofs that are held.
-        numbers: Number of each cell's dofs ``(n, 5 k + 6)``; for sigma, of the borders at both ends of its zone.
-        cells: Jacobian and residual of each cell, to be filled in ``(n, 5 k + 6, 5 k + 6)`` and ``(n, 5 k + 6)``.
+        table: The same.
+        cells: Jacobian and residual of each cell, to be filled in ``(n, m, m)`` and ``(n, m)``.
     """
 
-    def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
-        at, n, dofs = local(degree), mesh.zone.size, width(degree)
+    def __init__(self, table: Table) -> None:
+        n, dofs = table.numbers.shape
+        self.table = table
         self._all = np.empty((n, dofs * (dofs + 1)))
         self.cells = self._all[:, : dofs * dofs].reshape(n, dofs, dofs), self._all[:, dofs * dofs :]
-        number = np.arange(dofs)
-        tractions = np.array([number[at.p], number[at.f]] if friction else [number[at.p]])
-        r, theta = number[at.r].reshape(-1, 2), number[at.theta]
-        left, right = np.column_stack([r, theta])[:2]
-        r, theta = r[2:].ravel(), theta[2:]
-        inner = np.append(r, theta)
-        kept, others = tractions[:, degree // 2], np.delete(tractions, degree // 2, axis=1).ravel()
-        free, contact = np.flatnonzero(~mesh.touches), np.flatnonzero(mesh.touches)
-        steps = mesh.sticks & (friction and degree >= APART)
-        apart, together = np.flatnonzero(steps), np.flatnonzero(mesh.touches & ~steps)
-
-        count = np.cumsum([0, 3 * (n - 1), kept.size * contact.size, mesh.ends.size, 1])
-        nodal, middle, borders = (np.arange(*count[i : i + 2]) for i in range(3))
-        self.held = held = int(count[-1])
-        numbers = self.numbers = np.full((n, dofs), held)
-        numbers[1:, left] = numbers[:-1, right] = nodal.reshape(-1, 3)
-        numbers[np.ix_(contact, kept)] = middle.reshape(-1, kept.size)
-        numbers[:, at.sigma] = np.concatenate([[held], borders, [held]])[mesh.zone[:, None] + [0, 1]]
-        numbers[:, at.D] = held - 1
-        groups, next_number, scalars = [], held + 1, np.append(number[at.sigma], number[at.D])
-        with_contact = np.concatenate([left, right, kept, scalars])
-        for cells, blocks, tied in (
-            (free, [(inner, inner)], np.concatenate([left, right, scalars])),
-            (together, [(np.append(inner, others), np.append(inner, others))], with_contact),
-            # In stick, the pulley's conditions tell positions, these tell angles, and both tell the tractions.
-            (apart, [(others, r), (theta, theta), (r, others)], with_contact),
-        ):
-            equations, hidden = (np.concatenate(part) for part in zip(*blocks, strict=True))
-            shape = cells.size, hidden.size
-            numbers[np.ix_(cells, hidden)] = next_number + np.arange(cells.size * hidden.size).reshape(shape)
-            next_number += cells.size * hidden.size
-            rows, columns = np.append(equations, tied), np.append(hidden, tied)
-            # A cell's residual stands behind its Jacobian.
-            places = np.column_stack([rows[:, None] * dofs + columns, dofs * dofs + rows])
-            block = (cells * dofs * (dofs + 1))[:, None, None] + places
-            ends = tuple(itertools.accumulate(unknowns.size for _, unknowns in blocks))
-            groups.append(Group(block, numbers[np.ix_(cells, hidden)], numbers[np.ix_(cells, tied)], ends))
-        members = [cells for cells in (free, together, apart) if cells.size]
-        groups = [group for group in groups if len(group.block)]
-        self.count = next_number
-        self._sigma = at.sigma
-        self._scalars = np.append(borders, held - 1)
-        chain = np.column_stack([numbers[:, left], numbers[:, kept], numbers[:, right], np.tile(self._scalars, (n, 1))])
-        self._reduce(groups, members, chain, kept.size)
-
-    def _reduce(self, groups: list[Group], members: list[Array], chain: Array, kept: int) -> None:
-        """Finds the levels of elimination, and what is left for the dense solve.
-
-        Args:
-            groups: The cells of each kind.
-            members: Where they are in the chain.
-            chain: Numbers of what each cell leaves: left node, kept tractions, right node, scalars.
-            kept: Number of the second.
-        """
-        self._levels: list[Level] = []
-        while len(chain) > LONGEST:
-            if len(chain) % 2:
-                chain = np.vstack([chain, np.append(np.full(kept + 6, self.held), self._scalars)])
-            first, second = chain[::2], chain[1::2]
-            # The first's kept tractions and the node between; then what the pair leaves, in the chain's order.
-            pairs = np.column_stack([first[:, 3 : kept + 6], first[:, :3], second[:, 3:]])
-            hidden, (m, w) = kept + 3, pairs.shape
-            block = np.arange(m * w * (w + 1)).reshape(m, w, w + 1)
-            places = [self._places(group, cells // 2, pairs) for group, cells in zip(groups, members, strict=True)]
-            missing = np.nonzero(pairs[:, :hidden] == self.held)
-            self._levels.append(Level(groups, np.concatenate(places), block.size, block[*missing, missing[1]]))
-            chain, members = pairs[:, hidden:], [np.arange(m)]
-            groups = [Group(block, pairs[:, :hidden], chain, (hidden,))]
-        numbers = np.unique(chain)
-        self._dense = dense = numbers[numbers < self.held]
-        places = [self._places(group, np.zeros(len(group.left), dtype=int), dense[None]) for group in groups]
-        size = dense.size * (dense.size + 1)
-        self._levels.append(Level(groups, np.concatenate(places), size, np.empty(0, dtype=int)))
-
-    def _places(self, group: Group, parents: Array, pairs: Array) -> Array:
-        """Places of what cells leave among the entries of pairs, all that is held behind the last of them."""
-        m, w = pairs.shape
-        index = np.argmax(pairs[parents][:, None, :] == group.left[:, :, None], axis=-1)
-        columns = np.column_stack([index, np.full(len(index), w)])
-        places = (parents * w * (w + 1))[:, None, None] + index[:, :, None] * (w + 1) + columns[:, None, :]
-        is_held = group.left == self.held
-        places[is_held] = m * w * (w + 1)
-        places[:, :, :-1].transpose(0, 2, 1)[is_held] = m * w * (w + 1)
-        return places.ravel()
+        self._levels, self._dense = levels(table)
+        self._borders = np.searchsorted(self._dense, table.scalars[:-1])
 
     def residual_norm(self) -> float:
         """Norm of the assembled residual."""
-        assembled = np.bincount(self.numbers.ravel(), self.cells[1].ravel(), self.count)
-        assembled[self.held] = 0.0
+        assembled = np.bincount(self.table.numbers.ravel(), self.cells[1].ravel(), self.table.count)
+        assembled[self.table.fixed] = 0.0
         return float(np.linalg.norm(assembled))
 
-    def step(self, share: Array, *, held: bool = False) -> tuple[Array, Array]:
-        """Solves for the step that takes the linearised residual to zero; the cells' Jacobians are overwritten.
+    def step(self, *, held: bool = False) -> tuple[Array, Array]:
+        """Solves for the step that takes the linearised residual to zero.
 
         Args:
-            share: Part of its zone that each cell is ``(n,)``. Equations depend on sigma by its slope alone; so a
-                derivative by an end of the zone is this part of that by the same end of the cell.
             held: Whether the borders stay where they are, whatever their conditions say.
 
         Returns:
-            The step of each cell's dofs ``(n, 5 k + 6)``, but for sigma; and of the borders and the stretch in stick.
+            The step of each cell's dofs ``(n, m)``, and of the scalars.
         """
-        (jacobians, _), sigma = self.cells, self._sigma
-        for end in (sigma.start, sigma.stop - 1):
-            jacobians[:, :, end] *= share[:, None]
         entries, eliminated = self._all, []
         for level in self._levels:
             left = []
@@ -254,16 +122,93 @@ class Condensed:
                 eliminated.append((group, solved))
             entries = np.bincount(level.places, np.concatenate(left), level.size + 1)
             entries[level.ones] = 1.0
-        size, borders = self._dense.size, self._scalars.size - 1
+        size = self._dense.size
         matrix = entries[:-1].reshape(size, size + 1)
         if held:
-            matrix[-1 - borders : -1] = np.eye(borders, size + 1, size - 1 - borders)
+            matrix[self._borders] = np.eye(size, size + 1)[self._borders]
         # The right-hand side's factor stands behind all unknowns.
-        unknowns = np.zeros(self.count + 1)
+        unknowns = np.zeros(self.table.count + 1)
         unknowns[-1] = 1.0
         unknowns[self._dense] = np.linalg.solve(matrix[:, :-1], -matrix[:, -1])
         for group, solved in reversed(eliminated):
             unknowns[group.hidden] = -(solved @ unknowns[group.known])[..., 0]
-        step = unknowns[self.numbers]
-        step[:, sigma] = 0.0
-        return step, unknowns[self._scalars]
+        return unknowns[self.table.numbers], unknowns[self.table.scalars]
+
+
+def levels(table: Table) -> tuple[list[Level], Array]:
+    """What is eliminated one after another, and the unknowns that are left for the dense solve.
+
+    Cells come first, then the nodes inside of pairs, of pairs of pairs, and so on, until the chain is short.
+    """
+    result: list[Level] = []
+    groups = [_cell_group(pattern, table.numbers) for pattern in table.patterns]
+    members = [pattern.cells for pattern in table.patterns]
+    chain = np.column_stack([table.chain, np.tile(table.scalars, (len(table.chain), 1))])
+    while len(chain) > LONGEST:
+        if len(chain) % 2:
+            chain = np.vstack([chain, np.append(np.full(table.chain.shape[1], table.fixed), table.scalars)])
+        pairs = _paired(chain, table.chain.shape[1])
+        parents = [cells // 2 for cells in members]
+        hidden, blocks = pairs.shape[1] - chain.shape[1], _entries(pairs)
+        missing = np.nonzero(pairs[:, :hidden] == table.fixed)
+        ones = blocks[*missing, missing[1]]
+        result.append(Level(groups, _places(groups, parents, pairs, table.fixed), blocks.size, ones))
+        chain, members = pairs[:, hidden:], [np.arange(len(pairs))]
+        groups = [Group(blocks, pairs[:, :hidden], chain, (hidden,))]
+    numbers = np.unique(chain)
+    dense = numbers[numbers < table.fixed]
+    parents = [np.zeros(len(group.left), dtype=int) for group in groups]
+    size, none = _entries(dense[None]).size, np.empty(0, dtype=int)
+    result.append(Level(groups, _places(groups, parents, dense[None], table.fixed), size, none))
+    return result, dense
+
+
+def _cell_group(pattern: Pattern, numbers: Array) -> Group:
+    """The cells of one pattern; their Jacobians are the entries of all, each with its residual behind it."""
+    dofs, cells = numbers.shape[1], pattern.cells
+    rows, columns = np.append(pattern.equations, pattern.shared), np.append(pattern.unknowns, pattern.shared)
+    inside = np.column_stack([rows[:, None] * dofs + columns, dofs * dofs + rows])
+    ends = tuple(itertools.accumulate(unknowns.size for _, unknowns in pattern.blocks))
+    hidden, left = (numbers[np.ix_(cells, unknowns)] for unknowns in (pattern.unknowns, pattern.shared))
+    return Group((cells * dofs * (dofs + 1))[:, None, None] + inside, hidden, left, ends)
+
+
+def _paired(chain: Array, width: int) -> Array:
+    """Each two neighbours of a chain: what is eliminated from them, then what they leave, in the chain's order.
+
+    Args:
+        chain: What each cell leaves: left node, tractions, right node, scalars ``(2 m, w)``.
+        width: Number of these without scalars.
+
+    Returns:
+        The first one's tractions and the node between; then the same as of each cell ``(m, width - 3 + w)``.
+    """
+    first, second = chain[::2], chain[1::2]
+    return np.column_stack([first[:, NODE:width], first[:, :NODE], second[:, NODE:]])
+
+
+def _entries(pairs: Array) -> Array:
+    """Places of the entries of pairs ``(m, w)``, each with its right-hand side beside them ``(m, w, w + 1)``."""
+    m, w = pairs.shape
+    return np.arange(m * w * (w + 1)).reshape(m, w, w + 1)
+
+
+def _places(groups: list[Group], parents: list[Array], pairs: Array, fixed: int) -> Array:
+    """Places of what groups leave among the entries of pairs; of all that is fixed, behind the last of them.
+
+    Args:
+        groups: The groups.
+        parents: The pair in which each of their members is.
+        pairs: Numbers of the unknowns of pairs ``(m, w)``.
+        fixed: The number that stands for dofs that are fixed.
+    """
+    entries, result = _entries(pairs), []
+    for group, pair in zip(groups, parents, strict=True):
+        index = np.argmax(pairs[pair][:, None, :] == group.left[:, :, None], axis=-1)
+        columns = np.column_stack([index, np.full(len(index), pairs.shape[1])])
+        found = entries[pair[:, None, None], index[:, :, None], columns[:, None, :]]
+        is_fixed = group.left == fixed
+        found[is_fixed] = entries.size
+        found[:, :, :-1].transpose(0, 2, 1)[is_fixed] = entries.size
+        result.append(found.ravel())
+    return np.concatenate(result)

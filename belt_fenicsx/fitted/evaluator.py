@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from belt_fenicsx.fitted.cells import meshed
-from belt_fenicsx.fitted.elimination import width
+from belt_fenicsx.fitted.dofs import width
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import ordered

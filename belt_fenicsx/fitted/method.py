@@ -26,7 +26,7 @@ import numpy as np
 from mpi4py import MPI
 
 from belt_fenicsx.fitted.accuracy import change_of_pressure, error_of_known, errors_of_fields, rounding
-from belt_fenicsx.fitted.elimination import local
+from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.evaluator import Evaluator
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.order import calm, change

@@ -1,4 +1,4 @@
-"""Newton's iteration of the fitted method: PETSc SNES, with the linear solves of `condensed`."""
+"""Newton's iteration of the fitted method: PETSc SNES, with the linear solves of `elimination`."""
 
 from __future__ import annotations
 
@@ -16,21 +16,30 @@ from petsc4py import PETSc
 
 from belt_fenicsx.backend.petsc_options import PREFIX, set_options
 from belt_fenicsx.fitted.cells import Mesh
-from belt_fenicsx.fitted.elimination import Condensed, local
-from belt_fenicsx.fitted.forms import CHORD, CONSTANTS, SWITCHES, forms, points
+from belt_fenicsx.fitted.dofs import local, table
+from belt_fenicsx.fitted.elements import points
+from belt_fenicsx.fitted.elimination import Condensed
+from belt_fenicsx.fitted.forms import CHORD, CONSTANTS, PULLEY, SWITCHES, forms
 from belt_fenicsx.fitted.state import State, on_chords, sum_error
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE
+from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
 logger = logging.getLogger(__name__)
 
-LARGEST_STEP = 0.5  # of a border, in lengths of a zone that it shortens
+# A step takes at most this part from the length of a zone; a longer one is shortened.
+LARGEST_STEP = 0.5
+# The last step takes at most this part from the length of a zone.
+SETTLED = 0.1
+# A step that takes at most this part from the length of a zone moves nodes on the pulley straight ahead.
+STRAIGHT = 0.02
+# SNES ends after this number of iterations.
 MOST_ITERATIONS = 30
-KEPT = 200  # cells, of an iteration that is kept for the next scene at most
-STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
-FRAMES = 2.0**20  # to a radian: angles to which frames of cells are rounded
-SETTLED = 0.1  # of the same, that the last step may take
+# The iteration on at most this number of cells is kept for the next scene.
+KEPT = 200
+# The angle of a cell's frame is a whole number of radians over this.
+FRAMES = 2.0**20
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
 # Python's own lock would let another one in between two steps.
 TURNS = threading.RLock()
@@ -42,39 +51,41 @@ class Iteration:
     It is a type of SNES, with SNES's options and monitors, that is written here: the callbacks of PETSc's own type took
     a third of a step's time. The Jacobian is never a PETSc matrix: PETSc's own LU meets zero pivots here, and MUMPS,
     the one sparse solver with pivoting that all builds of PETSc have, took 0.7 to 2 ms for a step where the elimination
-    cell by cell in `condensed` took 0.3 to 1 ms.
+    cell by cell took 0.3 to 1 ms.
 
     Attributes:
         values: Unknowns of each cell ``(n, 5 k + 6)``, as in a state, but for theta, of which they are what it is more
             than the angle of the cell's frame.
         chords: Data of each cell's chord ``(n, len(CHORD))``.
+        pulleys: Data of the pulley at each cell ``(n, len(PULLEY))``.
         ends: Ends of the zones ``(z + 1,)``.
+        condensed: Solves for the step.
         residuals: Computes the residual of each cell.
         jacobians: Computes the Jacobian of each cell.
     """
 
     def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
-        self.condensed = Condensed(mesh, degree, friction)
-        (n, dofs), on = self.condensed.numbers.shape, switches(mesh).reshape(mesh.zone.size, -1)
-        coefficients = np.empty((n, dofs + on.shape[1] + len(CHORD)))
-        self.values, switched, self.chords = np.split(coefficients, [dofs, dofs + on.shape[1]], axis=1)
-        # In the complex plane, a turn is a product.
-        self._deviation = self.values[:, local(degree).r].view(complex)
-        self._chords, self._axis, self._strain = (
-            self.chords[:, columns].view(complex) for columns in (slice(4), slice(6, 8), slice(8, 10))
-        )
+        self.condensed = Condensed(table(mesh, degree, friction))
+        jacobians, residuals = self.condensed.cells
+        (n, dofs), on = residuals.shape, switches(mesh).reshape(mesh.zone.size, -1)
+        sizes = dofs, on.shape[1], len(CHORD), len(PULLEY)
+        coefficients, self._constants = np.empty((n, sum(sizes))), np.zeros(len(CONSTANTS))
+        self.values, switched, self.chords, self.pulleys = np.split(coefficients, np.cumsum(sizes[:-1]), axis=1)
         switched[:] = on
-        self._constants = np.zeros(len(CONSTANTS))
-        compiled, (jacobians, residuals) = forms(degree, friction), self.condensed.cells
+        compiled = forms(degree, friction)
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
         at = local(degree)
-        self._touches = mesh.touches.astype(float)
+        # In the complex plane, a turn is a product.
+        self._deviation = self.values[:, at.r].view(complex)
+        self._chords, self._axis, self._strain = (
+            self.chords[:, columns].view(complex) for columns in (slice(4), slice(6, 8), slice(8, 10))
+        )
         self._places = np.empty((n, 3), dtype=np.clongdouble)
-        self._zone, self._length, self._nodes = mesh.zone, at.sigma.stop - 1, points(degree)[0]
-        self._positions, self._others, self._turn = at.r, slice(at.theta.start, None), at.theta
+        self._positions, self._others, self._turn, self._sigma = at.r, slice(at.theta.start, None), at.theta, at.sigma
+        self._length, self._nodes, self._zone = at.sigma.stop - 1, points(degree)[0], mesh.zone
         self._shape = self._nodes * (1.0 - self._nodes)
-        self._contact = slice(mesh.ends[0], mesh.ends[-1])
+        self._touches, self._contact = mesh.touches.astype(float), slice(mesh.ends[0], mesh.ends[-1])
 
     def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
         """Sets the parameters of a scene, the state to start from, and when to end.
@@ -88,67 +99,45 @@ class Iteration:
             monitored: Whether the norm of the residual is asked for.
         """
         belt, pulley = scene.belt, scene.pulleys[0]
-        given = {
-            "a": belt.bending_stiffness, "b1": belt.extensional_stiffness, "b2": belt.shear_stiffness,
-            "R": pulley.radius, "mu": pulley.friction,
-            "x_trans": 0.0 if pulley.x_trans is None or isinstance(pulley.x_trans, str) else
-                pulley.x_trans - pulley.center[0],
-            "elongation_given": pulley.omega * pulley.radius - 1.0 if pulley.drive == "omega" else 0.0,
-            "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
-        }  # fmt: skip
-        self._constants[:] = [given[name] for name in CONSTANTS]
-        self._radius, self._square = pulley.radius, np.longdouble(pulley.radius) ** 2
-        self._arrived, self._held, self._monitored = arrived, held, monitored
+        self._constants[:] = belt.bending_stiffness, belt.extensional_stiffness, belt.shear_stiffness
+        # A belt that goes over its pulley has it on its right.
+        self.pulleys[:] = pulley.radius, pulley.friction, 1.0, given(pulley)
+        self._radius, _, self._side, _ = self.pulleys.T
+        self._square = self._radius[:, None].astype(np.longdouble) ** 2
+        self._arrived, self._held = arrived, held
+        self._monitored = monitored or logger.isEnabledFor(logging.INFO)
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
-        # Rounded so that cells that meet at a node agree on its angle to the last bit.
-        turn = self.values[:, self._turn]
-        self._frame = np.rint(turn[:, :1] * FRAMES) / FRAMES
-        turn -= self._frame
-        self._back = np.exp(-1j * self._frame.astype(np.longdouble))
-        self._axis[:] = self._back.conj()
-        bulge = self._arcs()[:, None]
-        self.chords[:, 11:13], self._over = bulge.view(float), bulge.conj()
-        # The parabolas over the chords, at the nodes.
-        self._parabolas = bulge * self._shape
-        self._deviation -= self._parabolas
-        self._measure()
         self._share = state.cells[:, 1] - state.cells[:, 0]
+        self._take_apart()
+        self._measure()
 
     def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
         """The iteration; called by SNES."""
         reasons = PETSc.SNES.ConvergedReason
-        reason, held = reasons.DIVERGED_MAX_IT, self._held
-        watched = self._monitored or logger.isEnabledFor(logging.INFO)
         for iteration in range(snes.max_it):
             self.residuals()
-            if watched:
-                residual = self.condensed.residual_norm()
+            residual = self.condensed.residual_norm() if self._monitored else 0.0
+            if self._monitored:
                 snes.monitor(iteration, residual)
             self.jacobians()
-            try:
-                step, scalars = self.condensed.step(self._share, held=held)
-                change = float(np.abs(scalars).max())
-            except np.linalg.LinAlgError:
-                change = math.nan
+            held = self._held and iteration == 0
+            step, scalars = self.linear_step(held)
+            change = float(np.abs(scalars).max())
             snes.setIterationNumber(iteration + 1)
             if not math.isfinite(change):
-                reason = reasons.DIVERGED_LINEAR_SOLVE
-                break
-            step, shortening = self._borders_moved(step, scalars[:-1])
-            if watched:
+                return snes.setConvergedReason(reasons.DIVERGED_LINEAR_SOLVE)
+            step, shortening = self._move_borders(step, scalars[:-1])
+            if self._monitored:
                 borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
-                logger.info(
-                    "iteration %d: residual %.1e, step %.1e, borders %s Ls", iteration, residual, change, borders
-                )
+                numbers = iteration, residual, change, borders
+                logger.info("iteration %d: residual %.1e, step %.1e, borders %s Ls", *numbers)
             shortest = self.values[:, self._length].min()
             arrived = change <= self._arrived * shortest and shortening <= SETTLED and not held
-            self._moved(step, bent=shortening > STRAIGHT and not arrived)
+            self._move_nodes(step, bent=shortening > STRAIGHT and not arrived)
             if arrived:
-                reason = reasons.CONVERGED_SNORM_RELATIVE
-                break
+                return snes.setConvergedReason(reasons.CONVERGED_SNORM_RELATIVE)
             self._measure()
-            held = False
-        snes.setConvergedReason(reason)
+        snes.setConvergedReason(reasons.DIVERGED_MAX_IT)
 
     def state(self, start: State) -> State:
         """The state where it stands, which is of the kind of the one that it started from."""
@@ -157,13 +146,39 @@ class Iteration:
         values[:, self._positions].view(complex)[:] += self._parabolas
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
 
+    def _take_apart(self) -> None:
+        """Takes the frame's angle off theta, and the parabola over the chord off r."""
+        # Rounded so that cells that meet at a node agree on its angle to the last bit.
+        turn = self.values[:, self._turn]
+        self._frame = np.rint(turn[:, :1] * FRAMES) / FRAMES
+        turn -= self._frame
+        self._back = np.exp(-1j * self._frame.astype(np.longdouble))
+        self._axis[:] = self._back.conj()
+        bulge = self._arcs()[:, None]
+        self.chords[:, 11:13], self._over = bulge.view(float), bulge.conj()
+        self._parabolas = bulge * self._shape
+        self._deviation -= self._parabolas
+
+    def linear_step(self, held: bool) -> tuple[Array, Array]:
+        """The step of each cell's dofs, but for sigma, and of the scalars; not finite where there is none."""
+        jacobians, sigma = self.condensed.cells[0], self._sigma
+        # Equations depend on sigma by its slope alone; so a derivative by an end of the zone is as large a part of that
+        # by the same end of the cell as the cell is of the zone.
+        for end in (sigma.start, sigma.stop - 1):
+            jacobians[:, :, end] *= self._share[:, None]
+        try:
+            step, scalars = self.condensed.step(held=held)
+        except np.linalg.LinAlgError:
+            return np.full(self.values.shape, math.nan), np.full(1, math.nan)
+        step[:, sigma] = 0.0
+        return step, scalars
+
     def _arcs(self) -> Array:
         """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
         along = self._chords[:, 1]
         length = np.abs(along)
         depth = np.sqrt(np.maximum(self._radius**2 - (length / 2) ** 2, 0.0))
-        # A belt that goes over the pulley has it on its right.
-        return self._touches * (length**2 / (self._radius + depth)) * (1j * along / length)
+        return self._touches * self._side * (length**2 / (self._radius + depth)) * (1j * along / length)
 
     def _measure(self) -> None:
         """Computes the chords' small differences of large numbers to less than the rounding error of these.
@@ -183,7 +198,7 @@ class Iteration:
         self.chords[:, 13] = squares[:, 1] - 2.0 * over[:, 0]
         self.chords[:, 14] = over[:, 1]
 
-    def _borders_moved(self, step: Array, borders: Array) -> tuple[Array, float]:
+    def _move_borders(self, step: Array, borders: Array) -> tuple[Array, float]:
         """Moves the borders by a step, shortened where one would come too close to the next one.
 
         Returns:
@@ -198,13 +213,13 @@ class Iteration:
         self.values[:, self._length] = (self.ends[1:] - self.ends[:-1])[self._zone] * self._share
         return step, shortening
 
-    def _moved(self, step: Array, *, bent: bool) -> None:
+    def _move_nodes(self, step: Array, *, bent: bool) -> None:
         """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
         way = step[:, self._positions].view(complex)
-        self._shifted(self._onto_pulley(way) if bent else way)
+        self._shift(self._onto_pulley(way) if bent else way)
         self.values[:, self._others] += step[:, self._others]
 
-    def _shifted(self, shift: Array) -> None:
+    def _shift(self, shift: Array) -> None:
         """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
         change = shift[:, :2].copy()
         change[:, 1] -= shift[:, 0]
@@ -230,7 +245,7 @@ class Iteration:
         arm = on_parabolas + self._deviation[contact]
         distance = np.abs(arm)
         turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
-        way[contact] = arm * (turn * (self._radius / distance) - 1.0)
+        way[contact] = arm * (turn * (self._radius[contact, None] / distance) - 1.0)
         up, off = self._contact.start, self._contact.stop - 1
         # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
         place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
@@ -291,6 +306,16 @@ def newton(options: tuple[tuple[str, Any], ...]) -> Newton:
 @functools.lru_cache(maxsize=8)
 def _newton(options: tuple[tuple[str, Any], ...]) -> Newton:
     return Newton(dict(options))
+
+
+def given(pulley: Pulley) -> float:
+    """What the drive gives, as the forms compare it: the transition, the elongation in stick or the friction force."""
+    if pulley.omega is not None:
+        return pulley.omega * pulley.radius - 1.0
+    if pulley.torque is not None:
+        return -pulley.torque / pulley.radius
+    # Where the belt sticks or slides all along, no border lies at a given place.
+    return pulley.x_trans - pulley.center[0] if isinstance(pulley.x_trans, float) else 0.0
 
 
 def switches(mesh: Mesh) -> Array:

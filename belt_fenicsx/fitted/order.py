@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from belt_fenicsx.fitted.elimination import local
+from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.reading import along, pulley_speed
 from belt_fenicsx.fitted.state import POINTS, State
 from belt_fenicsx.layout.arrays import Array

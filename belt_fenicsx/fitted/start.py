@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.fitted.elimination import local
+from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.order import SHORTEST, transition
 from belt_fenicsx.fitted.state import State, from_fields, from_string

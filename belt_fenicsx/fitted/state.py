@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from belt_fenicsx.fitted.cells import Mesh, divided
-from belt_fenicsx.fitted.elimination import local, width
-from belt_fenicsx.fitted.forms import gauss_weights, lagrange_basis, points
+from belt_fenicsx.fitted.dofs import local, width
+from belt_fenicsx.fitted.elements import gauss_basis, gauss_weights, nodal_basis, points
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
 from belt_fenicsx.layout.layout import Zones
@@ -40,8 +40,8 @@ class Dense(NamedTuple):
 def prolongation(coarse: int, fine: int) -> Array:
     """Map of a cell's values from one degree to another ``(5 coarse + 6, 5 fine + 6)``."""
     old, new = local(coarse), local(fine)
-    (nodes, gauss), (fine_nodes, fine_gauss) = points(coarse), points(fine)
-    nodal, traction = lagrange_basis(nodes, fine_nodes)[0].T, lagrange_basis(gauss, fine_gauss)[0].T
+    nodes, gauss = points(fine)
+    nodal, traction = nodal_basis(coarse, nodes)[0].T, gauss_basis(coarse, gauss).T
     result = np.zeros((width(coarse), width(fine)))
     result[old.r, new.r] = np.kron(nodal, np.eye(2))
     result[old.theta, new.theta] = nodal
@@ -54,14 +54,13 @@ def prolongation(coarse: int, fine: int) -> Array:
 def tables(degree: int) -> tuple[Array, Array, Array, Array]:
     """At even points of the reference cell: polynomials through the nodes, their slopes, polynomials through the Gauss
     points; and weights of Simpson's rule."""
-    nodes, gauss = points(degree)
-    return *lagrange_basis(nodes, EVEN), lagrange_basis(gauss, EVEN)[0], simpson_weights(EVEN)
+    return *nodal_basis(degree, EVEN), gauss_basis(degree, EVEN), simpson_weights(EVEN)
 
 
 @functools.cache
 def at_gauss(degree: int) -> tuple[Array, Array]:
     """At the Gauss points of the reference cell: polynomials through the nodes, and their slopes."""
-    return lagrange_basis(*points(degree))
+    return nodal_basis(degree, points(degree)[1])
 
 
 @dataclass(frozen=True)
@@ -223,21 +222,20 @@ class State:
 
     def at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """r in the complex plane and theta at points ``xi`` of cells ``(m,)``."""
-        nodal, theta = lagrange_basis(points(self.degree)[0], xi)[0], self.values[cell][:, local(self.degree).theta]
+        nodal, theta = nodal_basis(self.degree, xi)[0], self.values[cell][:, local(self.degree).theta]
         arm = on_chords(self._chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mi->m", nodal, self._deviation[cell])
         return self._center + arm, np.einsum("mi,mi->m", nodal, theta)
 
     def tractions_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """p and f at points ``xi`` of cells ``(m,)``."""
         at, values = local(self.degree), self.values[cell]
-        basis = lagrange_basis(points(self.degree)[1], xi)[0]
+        basis = gauss_basis(self.degree, xi)
         return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
 
     def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""
-        (nodes, gauss), theta = points(self.degree), self.values[cell][:, local(self.degree).theta]
-        nodal, slopes = lagrange_basis(nodes, xi)
-        force = np.einsum("mi,mi->m", lagrange_basis(gauss, xi)[0], self.force[cell])
+        (nodal, slopes), theta = nodal_basis(self.degree, xi), self.values[cell][:, local(self.degree).theta]
+        force = np.einsum("mi,mi->m", gauss_basis(self.degree, xi), self.force[cell])
         strain = self.strain(force, np.einsum("mi,mi->m", nodal, theta))
         return strain, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
 

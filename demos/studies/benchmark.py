@@ -155,7 +155,7 @@ def against_size(repeats: int) -> list[Sized]:
             began = time.perf_counter()
             _, iterations = newton(()).solve(dimensionless, state, math.inf)
             times.append((time.perf_counter() - began) / iterations)
-        unknowns = iteration_on(state.mesh, DEGREE, True).condensed.count
+        unknowns = iteration_on(state.mesh, DEGREE, True).condensed.table.count
         rows.append(Sized(FITTED, unknowns, median(times)))
     return rows
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.serial
 
 # Called by PETSc in each iteration.
 CALLED = {
-    "fitted": ("belt_fenicsx.fitted.newton", "_moved"),
+    "fitted": ("belt_fenicsx.fitted.newton", "_move_nodes"),
     "augmented-lagrangian": ("belt_fenicsx.lagrangian.newton", "assemble_vector"),
 }
 
@@ -100,8 +100,8 @@ def test_a_script_that_is_interrupted_ends_by_the_signal():
 import os, signal
 from belt_fenicsx import Scene, solve
 from belt_fenicsx.fitted import newton as fitted_newton
-moved = fitted_newton.Iteration._moved
-fitted_newton.Iteration._moved = lambda *a, **named: os.kill(os.getpid(), signal.SIGINT) or moved(*a, **named)
+moved = fitted_newton.Iteration._move_nodes
+fitted_newton.Iteration._move_nodes = lambda *a, **named: os.kill(os.getpid(), signal.SIGINT) or moved(*a, **named)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 solve(Scene())
 """

@@ -13,8 +13,9 @@ import pytest
 from belt_fenicsx import bvp, solve
 from belt_fenicsx.fitted import forms as fitted_forms
 from belt_fenicsx.fitted import method as fitted
-from belt_fenicsx.fitted.elimination import Condensed, local
-from belt_fenicsx.fitted.forms import SWITCHES, lagrange_basis, points
+from belt_fenicsx.fitted.dofs import local, table
+from belt_fenicsx.fitted.elements import gauss_basis, nodal_basis, points
+from belt_fenicsx.fitted.forms import SWITCHES
 from belt_fenicsx.fitted.newton import Newton, iteration_on, newton, switches
 from belt_fenicsx.fitted.reading import fields_at
 from belt_fenicsx.fitted.state import from_string
@@ -278,9 +279,9 @@ def test_sweep_compiles_nothing_after_its_first_scene(monkeypatch):
 
 def test_frictionless_belt_has_no_friction_unknowns_and_no_friction_in_its_forms():
     dimensionless, state = started(scene(friction=0.0))
-    without, with_friction = (Condensed(state.mesh, 3, friction) for friction in (False, True))
+    without, with_friction = (table(state.mesh, 3, friction) for friction in (False, True))
     assert without.count < with_friction.count
-    assert np.all(without.numbers[:, local(3).f] == without.held)
+    assert np.all(without.numbers[:, local(3).f] == without.fixed)
     iteration = iterated(dimensionless, state)
     iteration.jacobians()
     jacobians, _ = iteration.condensed.cells
@@ -351,31 +352,25 @@ def test_no_step_lets_borders_cross(monkeypatch):
     assert min(seen) > 0.0
 
 
-def nodal(at):
-    """Dofs of x, y and theta, in rows, at the left, the right and the inner nodes."""
-    number = np.arange(at.theta.stop)
-    return np.vstack([number[at.r].reshape(-1, 2).T, number[at.theta]])
-
-
 @pytest.mark.parametrize("friction", [0.5, 0.0])
 @pytest.mark.parametrize(("degree", "elements"), [(3, None), (6, None), (8, None), (3, 17), (4, 33), (4, 63)])
 def test_step_solves_the_linearised_equations(degree, elements, friction):
     dimensionless, state = started(scene(friction=friction), degree, elements)
     iteration = iterated(dimensionless, state)
-    condensed, at = iteration.condensed, local(degree)
-    iteration.values += 1e-4 * np.sin(np.arange(condensed.numbers.max() + 1.0))[condensed.numbers]
+    condensed, dofs, at = iteration.condensed, iteration.condensed.table, local(degree)
+    iteration.values += 1e-4 * np.sin(np.arange(dofs.count))[dofs.numbers]
     iteration.residuals()
     iteration.jacobians()
     jacobians, residuals = (cells.copy() for cells in condensed.cells)
     zone = state.mesh.zone[:, None]
-    step, scalars = condensed.step(state.cells[:, 1] - state.cells[:, 0])
+    step, scalars = iteration.linear_step(False)
     ends = np.concatenate([[0.0], scalars[:-1], [0.0]])
     step[:, at.sigma] = (1.0 - state.cells) * ends[zone] + state.cells * ends[zone + 1]
-    left = np.zeros(condensed.count)
-    np.add.at(left, condensed.numbers, (jacobians @ step[..., None])[..., 0] + residuals)
-    left[condensed.held] = 0.0
-    assert np.abs(left).max() < 1e-9 * max(1.0, np.abs(jacobians).max() * np.abs(step).max())
-    left, right = nodal(at)[:, :2].T
+    unsolved = np.zeros(dofs.count)
+    np.add.at(unsolved, dofs.numbers, (jacobians @ step[..., None])[..., 0] + residuals)
+    unsolved[dofs.fixed] = 0.0
+    assert np.abs(unsolved).max() < 1e-9 * max(1.0, np.abs(jacobians).max() * np.abs(step).max())
+    left, right = at.nodal[:2]
     assert not step[0, left].any() and not step[-1, right].any()
 
 
@@ -402,8 +397,8 @@ def test_jacobian_is_the_residuals_derivative():
 
 def test_neighbours_share_their_node():
     _, state = started()
-    left, right = nodal(local(3))[:, :2].T
-    numbers = Condensed(state.mesh, 3, True).numbers
+    left, right = local(3).nodal[:2]
+    numbers = table(state.mesh, 3, True).numbers
     np.testing.assert_array_equal(numbers[1:, left], numbers[:-1, right])
 
 
@@ -423,10 +418,10 @@ def test_lagrange_polynomials(degree):
     nodes, gauss = points(degree)
     assert (nodes[0], nodes[1], gauss.size) == (0.0, 1.0, degree)
     at = np.linspace(0.0, 1.0, 7)
-    values, slopes = lagrange_basis(nodes, at)
+    values, slopes = nodal_basis(degree, at)
     np.testing.assert_allclose(values @ nodes**degree, at**degree, atol=1e-12)
     np.testing.assert_allclose(slopes @ nodes**degree, degree * at ** (degree - 1), atol=1e-10)
-    np.testing.assert_allclose(lagrange_basis(gauss, gauss)[0], np.eye(degree), atol=1e-11)
+    np.testing.assert_allclose(gauss_basis(degree, gauss), np.eye(degree), atol=1e-11)
 
 
 @pytest.mark.serial

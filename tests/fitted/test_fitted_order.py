@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from belt_fenicsx import bvp, solve
-from belt_fenicsx.fitted.elimination import Condensed, local
+from belt_fenicsx.fitted.dofs import local
+from belt_fenicsx.fitted.elimination import Condensed
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import fields_at
 from belt_fenicsx.fitted.state import from_fields, from_string
