@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +43,7 @@ class Local:
     sigma: slice
     D: slice
 
-    @property
+    @functools.cached_property
     def nodal(self) -> Array:
         """x, y and theta of the left, the right and the inner nodes ``(k + 1, NODE)``."""
         number = np.arange(self.theta.stop)
@@ -74,27 +73,25 @@ def width(degree: int) -> int:
     return 5 * degree + 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pattern:
-    """Cells whose dofs are eliminated alike.
+    """How the dofs of a cell are eliminated.
 
     Attributes:
-        cells: Which they are ``(c,)``.
         blocks: Equations and unknowns that are eliminated with a cell, as many of each, in an order in which the
             unknowns of a block are not in the equations of the blocks before it.
         shared: The other dofs, equations and unknowns alike ``(u,)``.
     """
 
-    cells: Array
     blocks: tuple[tuple[Array, Array], ...]
     shared: Array
 
-    @property
+    @functools.cached_property
     def equations(self) -> Array:
         """Equations that are eliminated ``(h,)``."""
         return np.concatenate([equations for equations, _ in self.blocks])
 
-    @property
+    @functools.cached_property
     def unknowns(self) -> Array:
         """Unknowns that are eliminated ``(h,)``."""
         return np.concatenate([unknowns for _, unknowns in self.blocks])
@@ -113,7 +110,7 @@ class Table:
         chain: What couples each cell with the next ones: its left node, its shared tractions, its right node
             ``(n, 3 + 1 or 2 + 3)``.
         scalars: What couples all cells: the inner borders of zones, and the stretch in stick.
-        patterns: How cells are eliminated; each cell is in one of them.
+        patterns: Groups of cells, and how their dofs are eliminated; each cell is in one of them.
     """
 
     numbers: Array
@@ -121,7 +118,7 @@ class Table:
     count: int
     chain: Array
     scalars: Array
-    patterns: tuple[Pattern, ...]
+    patterns: tuple[tuple[Array, Pattern], ...]
 
 
 def table(mesh: Mesh, degree: int, friction: bool) -> Table:
@@ -132,7 +129,7 @@ def table(mesh: Mesh, degree: int, friction: bool) -> Table:
         degree: Degree k.
         friction: Whether the friction traction is an unknown.
     """
-    at, n, patterns = local(degree), mesh.zone.size, tuple(_patterns(mesh, degree, friction))
+    at, n = local(degree), mesh.zone.size
     left, right = at.nodal[:2]
     middle, contact = at.tractions(friction)[:, degree // 2], np.flatnonzero(mesh.touches)
     ends = itertools.accumulate([NODE * (n - 1), middle.size * contact.size, mesh.ends.size, 1], initial=0)
@@ -143,30 +140,35 @@ def table(mesh: Mesh, degree: int, friction: bool) -> Table:
     numbers[np.ix_(contact, middle)] = tractions.reshape(-1, middle.size)
     numbers[:, at.sigma] = np.concatenate([[fixed], borders, [fixed]])[mesh.zone[:, None] + [0, 1]]
     numbers[:, at.D] = stretch
-    count = fixed + 1
-    for pattern in patterns:
-        inside = np.ix_(pattern.cells, pattern.unknowns)
-        size = numbers[inside].size
-        numbers[inside] = np.arange(count, count + size).reshape(pattern.cells.size, -1)
-        count += size
+    count, patterns = fixed + 1, _patterns(mesh, degree, friction)
+    for cells, pattern in patterns:
+        shape = cells.size, pattern.unknowns.size
+        numbers[np.ix_(cells, pattern.unknowns)] = count + np.arange(shape[0] * shape[1]).reshape(shape)
+        count += shape[0] * shape[1]
     chain = numbers[:, np.concatenate([left, middle, right])]
     return Table(numbers, fixed, count, chain, np.append(borders, stretch), patterns)
 
 
-def _patterns(mesh: Mesh, degree: int, friction: bool) -> Iterator[Pattern]:
-    """The patterns of free cells, of those in contact, and of those in stick where blocks are worth it."""
+def _patterns(mesh: Mesh, degree: int, friction: bool) -> tuple[tuple[Array, Pattern], ...]:
+    """The pattern of free cells, of those in contact, and of those in stick where blocks are worth it."""
+    blockwise = mesh.sticks & (friction and degree >= APART)
+    groups = (np.flatnonzero(cells) for cells in (~mesh.touches, mesh.touches & ~blockwise, blockwise))
+    paired = zip(groups, _kinds(degree, friction), strict=True)
+    return tuple((cells, pattern) for cells, pattern in paired if cells.size)
+
+
+@functools.cache
+def _kinds(degree: int, friction: bool) -> tuple[Pattern, Pattern, Pattern]:
+    """How a free cell is eliminated, one in contact, and one in stick in blocks."""
     at, tractions = local(degree), local(degree).tractions(friction)
     (left, right), inner = at.nodal[:2], at.nodal[2:]
     r, theta = inner[:, :2].ravel(), inner[:, 2]
     middle, others = tractions[:, degree // 2], np.delete(tractions, degree // 2, axis=1).ravel()
-    nodal, all_inner = np.concatenate([left, right, at.scalars]), np.concatenate([r, theta, others])
-    in_contact = np.concatenate([left, right, middle, at.scalars])
-    apart = mesh.sticks & (friction and degree >= APART)
-    for cells, blocks, shared in (
-        (~mesh.touches, ((np.append(r, theta),) * 2,), nodal),
-        (mesh.touches & ~apart, ((all_inner,) * 2,), in_contact),
+    free, in_contact = np.concatenate([r, theta]), np.concatenate([r, theta, others])
+    shared = np.concatenate([left, right, middle, at.scalars])
+    return (
+        Pattern(((free, free),), np.concatenate([left, right, at.scalars])),
+        Pattern(((in_contact, in_contact),), shared),
         # In stick, the pulley's conditions tell positions, these tell angles, and both tell the tractions.
-        (apart, ((others, r), (theta, theta), (r, others)), in_contact),
-    ):
-        if cells.any():
-            yield Pattern(np.flatnonzero(cells), blocks, shared)
+        Pattern(((others, r), (theta, theta), (r, others)), shared),
+    )

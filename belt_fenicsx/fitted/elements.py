@@ -36,6 +36,7 @@ def line() -> ufl.Mesh:
     return ufl.Mesh(compat.coordinate_element())
 
 
+@functools.cache
 def points(degree: int) -> tuple[Array, Array]:
     """The reference cell's nodes, left, right and inner ``(k + 1,)``, and its Gauss points ``(k,)``."""
     return _nodal(degree).points[:, 0], _traction(degree).points[:, 0]

@@ -141,8 +141,8 @@ def levels(table: Table) -> tuple[list[Level], Array]:
     Cells come first, then the nodes inside of pairs, of pairs of pairs, and so on, until the chain is short.
     """
     result: list[Level] = []
-    groups = [_cell_group(pattern, table.numbers) for pattern in table.patterns]
-    members = [pattern.cells for pattern in table.patterns]
+    groups = [_cell_group(cells, pattern, table.numbers) for cells, pattern in table.patterns]
+    members = [cells for cells, _ in table.patterns]
     chain = np.column_stack([table.chain, np.tile(table.scalars, (len(table.chain), 1))])
     while len(chain) > LONGEST:
         if len(chain) % 2:
@@ -163,9 +163,9 @@ def levels(table: Table) -> tuple[list[Level], Array]:
     return result, dense
 
 
-def _cell_group(pattern: Pattern, numbers: Array) -> Group:
-    """The cells of one pattern; their Jacobians are the entries of all, each with its residual behind it."""
-    dofs, cells = numbers.shape[1], pattern.cells
+def _cell_group(cells: Array, pattern: Pattern, numbers: Array) -> Group:
+    """Cells of one pattern; their Jacobians are the entries of all, each with its residual behind it."""
+    dofs = numbers.shape[1]
     rows, columns = np.append(pattern.equations, pattern.shared), np.append(pattern.unknowns, pattern.shared)
     inside = np.column_stack([rows[:, None] * dofs + columns, dofs * dofs + rows])
     ends = tuple(itertools.accumulate(unknowns.size for _, unknowns in pattern.blocks))
@@ -202,13 +202,14 @@ def _places(groups: list[Group], parents: list[Array], pairs: Array, fixed: int)
         pairs: Numbers of the unknowns of pairs ``(m, w)``.
         fixed: The number that stands for dofs that are fixed.
     """
-    entries, result = _entries(pairs), []
+    (m, w), result = pairs.shape, []
+    behind = m * w * (w + 1)
     for group, pair in zip(groups, parents, strict=True):
         index = np.argmax(pairs[pair][:, None, :] == group.left[:, :, None], axis=-1)
-        columns = np.column_stack([index, np.full(len(index), pairs.shape[1])])
-        found = entries[pair[:, None, None], index[:, :, None], columns[:, None, :]]
+        rows, columns = (pair[:, None] * w + index) * (w + 1), np.column_stack([index, np.full(len(index), w)])
+        found = rows[:, :, None] + columns[:, None, :]
         is_fixed = group.left == fixed
-        found[is_fixed] = entries.size
-        found[:, :, :-1].transpose(0, 2, 1)[is_fixed] = entries.size
+        found[is_fixed] = behind
+        found[:, :, :-1].transpose(0, 2, 1)[is_fixed] = behind
         result.append(found.ravel())
     return np.concatenate(result)
