@@ -129,10 +129,12 @@ def residual(
         pulley += v_f * (on["stick"] * (e - e_stick) + (on["touch"] - on["stick"]) * coulomb)
         pulley -= ufl.dot(f * t, v_r) * sigma.dx(0)
         pulley += v_D * on["force"] * on["touch"] * f * sigma.dx(0)
+        stiffness = {name: given[name] for name in ("b1", "b2")}
+        held = rod.friction_in_stick(strains, 1 + e, radius=given["R"], **stiffness)
         borders += v_sigma * (
             on["x"] * (r[0] - given["x_trans"])
             + on["speed"] * (e_stick - given["elongation_given"])
-            + on["coulomb"] * coulomb
+            + on["coulomb"] * (held + on["sense"] * given["mu"] * p)
             + on["hold"] * (e - e_stick)
         )
         borders -= v_D * on["grip"] * on["force"] * given["force_given"]

@@ -11,6 +11,7 @@ import numpy as np
 from belt_fenicsx.condensed import local, width
 from belt_fenicsx.fields import Array, Fields, simpson_weights
 from belt_fenicsx.fitted_forms import gauss_weights, lagrange_basis, points
+from belt_fenicsx.rod import Strains, friction_in_stick
 from belt_fenicsx.scene import Scene
 from belt_fenicsx.taut_string import TautString
 from belt_fenicsx.zones import Mesh, Zones, bending_layer, divided, shear_layer
@@ -184,6 +185,14 @@ class State:
         strain.imag /= belt.shear_stiffness
         return strain
 
+    def friction_in_stick(self, strain: Array, kappa: Array) -> Array:
+        """Friction in stick from equilibrium, which knows it better than the multipliers do."""
+        belt, strains = self.scene.belt, Strains(strain.real, strain.imag, kappa)
+        return friction_in_stick(
+            strains, np.abs(1.0 + strain), radius=self.scene.pulleys[0].radius,
+            b1=belt.extensional_stiffness, b2=belt.shear_stiffness,
+        )  # fmt: skip
+
     @functools.cached_property
     def dense(self) -> Dense:
         """Fields at `POINTS` points of each cell, once for all that read them."""
@@ -191,15 +200,19 @@ class State:
         nodal, slopes, gauss, _ = tables(self.degree)
         theta = values[:, at.theta] @ nodal.T
         strain = self.strain(self.force @ gauss.T, theta)
+        kappa = values[:, at.theta] @ slopes.T / length
+        f = values[:, at.f] @ gauss.T
+        sticks = self.mesh.sticks
+        f[sticks] = self.friction_in_stick(strain[sticks], kappa[sticks])
         return Dense(
             sigma=self.sigma[:, :1] + length * EVEN,
             r=self.r(EVEN, nodal),
             strain=strain,
             D=np.abs(1.0 + strain),
             theta=theta,
-            kappa=values[:, at.theta] @ slopes.T / length,
+            kappa=kappa,
             p=values[:, at.p] @ gauss.T,
-            f=values[:, at.f] @ gauss.T,
+            f=f,
         )
 
     def of_degree(self, degree: int) -> State:
@@ -228,7 +241,10 @@ class State:
         """p and f at points ``xi`` of cells ``(m,)``."""
         at, values = local(self.degree), self.values[cell]
         basis = lagrange_basis(points(self.degree)[1], xi)[0]
-        return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
+        p, f = (np.einsum("mi,mi->m", basis, values[:, dofs]) for dofs in (at.p, at.f))
+        if (sticks := self.mesh.sticks[cell]).any():
+            f[sticks] = self.friction_in_stick(*self.strains_at(cell[sticks], xi[sticks]))
+        return p, f
 
     def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""

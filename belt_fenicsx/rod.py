@@ -67,3 +67,15 @@ def elongation(q: tuple[Expr, Expr]) -> Expr:
 def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
     """Strain energy per material length, the integrand of (18.9)."""
     return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2
+
+
+def friction_in_stick(strain: Strains, D: Expr, *, radius: Expr, b1: Expr, b2: Expr) -> Expr:
+    """Friction that keeps D constant on a pulley to the right, from equilibrium (18.17); of UFL or of arrays.
+
+    It is -Q'.t with phi' = -D/R, so that it needs no more than theta' where the multiplier of D = const answers to
+    what D' is wrong by: with little friction, that is more than mu p.
+    """
+    eps, Gamma, kappa = strain
+    psi_rate = kappa + D / radius
+    Qt_psi, Qn = (b1 * (1 + 2 * eps) - 2 * b2 * (1 + eps)) * Gamma / D, (b2 * (1 + eps) - b1 * eps) * Gamma / D
+    return -Qt_psi * psi_rate - D / radius * Qn
