@@ -186,7 +186,7 @@ class State:
         return strain
 
     def tractions(self, sense: Array, strain: Array, kappa: Array) -> tuple[Array, Array]:
-        """Pressure and friction on the pulley from equilibrium; D' is zero in stick, and what f = -s mu p makes it else.
+        """Pressure and friction on the pulley from equilibrium; D' is zero in stick, else what makes f = -s mu p.
 
         Args:
             sense: Sense s of sliding, NaN in stick; of the shape of the others, or one that fits it.
