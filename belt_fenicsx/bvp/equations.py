@@ -68,11 +68,12 @@ class Rod:
 
     def force_rate(self, psi: Array, D: Array, rates: tuple[Array | float, ...]) -> tuple[Array, Array]:
         """Q'.t and Q'.n, linear in the rates of phi, theta and D."""
-        cos, sin, (phi_rate, kappa, D_rate) = np.cos(psi), np.sin(psi), rates
-        eps, Gamma, psi_rate = D * cos - 1.0, -D * sin, kappa - phi_rate
-        eps_rate, Gamma_rate = D_rate * cos + Gamma * psi_rate, -D_rate * sin - (1.0 + eps) * psi_rate
+        phi_rate, kappa, D_rate = rates
+        cos, sin, psi_rate = np.cos(psi), np.sin(psi), kappa - phi_rate
+        Q1, Q2 = self.b1 * (D * cos - 1.0), -self.b2 * D * sin
+        Q1_rate, Q2_rate = self.b1 * (D_rate * cos - D * sin * psi_rate), -self.b2 * (D_rate * sin + D * cos * psi_rate)
         # The axes of the cross-section turn by kappa.
-        along, across = self.b1 * eps_rate - kappa * self.b2 * Gamma, self.b2 * Gamma_rate + kappa * self.b1 * eps
+        along, across = Q1_rate - kappa * Q2, Q2_rate + kappa * Q1
         return along * cos - across * sin, along * sin + across * cos
 
 

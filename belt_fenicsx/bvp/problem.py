@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -85,6 +86,9 @@ class Problem:
         zones: The zones, in the direction of travel.
         conditions: One for each border between zones on the pulley.
         unit: Length that the bending strain is multiplied with among the functions; by default the shear layer.
+        slices: Functions and constants of each zone, in all functions and in the parameters.
+        size: Numbers n of functions and k of parameters.
+        units: What the unknowns are multiplied with among the functions ``(n,)``.
     """
 
     rod: Rod
@@ -92,20 +96,22 @@ class Problem:
     zones: tuple[ZoneEquations, ...]
     conditions: tuple[Condition, ...]
     unit: float = math.nan
+    slices: list[tuple[slice, slice]] = field(init=False, repr=False, compare=False)
+    size: tuple[int, int] = field(init=False, repr=False, compare=False)
+    units: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         rows = np.cumsum([0, *(zone.unknowns for zone in self.zones)])
         constants = len(self.zones) - 1 + np.cumsum([0, *(zone.constants for zone in self.zones)])
-        slices = [(slice(rows[i], rows[i + 1]), slice(constants[i], constants[i + 1])) for i in range(len(self.zones))]
+        slices = [(slice(*own), slice(*fixed)) for own, fixed in zip(pairwise(rows), pairwise(constants), strict=True)]
         object.__setattr__(self, "slices", slices)
         object.__setattr__(self, "size", (int(rows[-1]), int(constants[-1])))
         if math.isnan(self.unit):
             object.__setattr__(self, "unit", self.rod.shear_layer)
-        units = [
-            [1.0, 1.0, 1.0, self.unit] if zone.kind == "free" else [1.0, 1.0, self.unit, 1.0] for zone in self.zones
-        ]
-        units = [part[: zone.unknowns] for zone, part in zip(self.zones, units, strict=True)]
-        object.__setattr__(self, "units", np.concatenate(units))
+        bending = [3 if zone.kind == "free" else 2 for zone in self.zones]
+        units = np.ones(rows[-1])
+        units[rows[:-1] + bending] = self.unit
+        object.__setattr__(self, "units", units)
 
     def borders(self, p: Array) -> Array:
         """All borders of zones, the clamps among them ``(len(zones) + 1,)``."""
