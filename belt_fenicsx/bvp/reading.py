@@ -70,7 +70,7 @@ def torque(problem: Problem, discrete: Discrete) -> float:
         for end, index, sign in ((FIRST, 1, 1.0), (LAST, -2, -1.0))
         for zone, y, c in [problem.parts(discrete.y[:, end], discrete.p)[index]]
     )
-    return float(sum(moment(problem.rod, sign)(state)[0] for state, sign in ends))
+    return float(sum(moment(problem.rod, sign)(state) for state, sign in ends))
 
 
 def samples(problem: Problem, discrete: Discrete, inside: Array) -> Array:
