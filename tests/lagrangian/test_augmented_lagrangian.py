@@ -226,8 +226,8 @@ def test_ranks_share_the_large_meshes_only_and_say_so(caplog):
     assert any(stage.name.startswith("sharing, ") for stage in large.stages) == (size > 1)
     # On so many elements, rounding is some 1e-12.
     assert large.omega == pytest.approx(alone.omega, rel=1e-11)
-    told = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
-    assert bool(told) == (MPI.COMM_WORLD.rank == 0)
+    logged = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
+    assert bool(logged) == (MPI.COMM_WORLD.rank == 0)
 
 
 def test_a_rank_that_solves_alone_forgets_nothing_that_the_others_have():
