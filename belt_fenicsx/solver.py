@@ -17,8 +17,9 @@ from belt_fenicsx.scene.checks import (
     whole_number,
 )
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import BLIND, Solution, Status, finish
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages
+from belt_fenicsx.solution.status import BLIND, Status, finish
 from belt_fenicsx.taut_string.hints import hints
 from belt_fenicsx.taut_string.straight import straight_belt, touches
 

@@ -27,8 +27,8 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.pulley import Slip as Sense
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 MET = 1e-13  # how closely pure stick or slip has to meet a given speed or torque: rounding in stretch and in b1 R
 FINE, FINELY = 96, 1e-10  # intervals, and end of Newton's iteration, for the capacity

@@ -29,8 +29,9 @@ from belt_fenicsx.bvp.order import STICK, Order, asked, pose
 from belt_fenicsx.bvp.reading import FIELDS, answer, changes, field_errors, plausible, seen
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.certificate import certified
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 METHOD = "bvp"
 MESHES = (COARSE, 8 * COARSE)  # on which the order of the zones is found

@@ -28,7 +28,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Zone
+from belt_fenicsx.solution.contact import Zone
 
 STICK = 0
 NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths

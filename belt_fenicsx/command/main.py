@@ -209,7 +209,8 @@ def _solved(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report:
     _check_used(petsc, solution)
 
     def report() -> int:
-        from belt_fenicsx.solution.report import as_json, as_text
+        from belt_fenicsx.solution.report import as_text
+        from belt_fenicsx.solution.summary import as_json
 
         _print(as_json(solution, args.left_out) if args.json else as_text(solution))
         if args.plot is not None and solution.fields is None:
@@ -278,8 +279,9 @@ class _Table:
 
     def tell(self, values: tuple[Any, ...], solution: Solution) -> None:
         """Prints a row, the first one after the header."""
-        from belt_fenicsx.solution.report import row_as_json
-        from belt_fenicsx.sweeps.sweep import as_csv, header, row
+        from belt_fenicsx.solution.files import as_csv
+        from belt_fenicsx.solution.summary import row_as_json
+        from belt_fenicsx.sweeps.table import header, row
 
         if self._as_json:
             _print(row_as_json(dict(zip(self._over, values, strict=True)), solution))
@@ -306,7 +308,8 @@ def _checked(scene: Scene, args: argparse.Namespace, petsc: list[str]) -> Report
     _check_used(petsc, solutions[0])
 
     def report() -> int:
-        from belt_fenicsx.solution.report import certificates, certificates_as_json
+        from belt_fenicsx.solution.report import certificates
+        from belt_fenicsx.solution.summary import certificates_as_json
 
         _print(certificates_as_json(solutions, args.left_out) if args.json else certificates(solutions))
         return max(map(_exit_code, solutions))

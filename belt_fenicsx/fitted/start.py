@@ -28,8 +28,9 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, transmissible
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 METHOD = "fitted"

@@ -33,8 +33,9 @@ from belt_fenicsx.lagrangian.newton import NewtonError
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import taut_string
 
 logger = logging.getLogger(__name__)

@@ -31,8 +31,9 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.certificate import certified, check_transition
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Stage, Status
-from belt_fenicsx.solution.stages import Stages
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage, Stages
+from belt_fenicsx.solution.status import Status
 
 DEFAULT = 100  # elements
 FINE, COARSENING, COARSE_RTOL = 200, 4, 1e-6

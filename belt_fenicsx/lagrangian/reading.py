@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Contact, Zone
 
 # Negative relative margin that the certificate allows: what unfinished updates of the multipliers leave. A coarse mesh
 # that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.
@@ -82,15 +81,13 @@ def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], 
         np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1).T)
     )
     omega = scene.transport_rate * float(D_trans) / pulley.radius
-    up, off = places[[0, -1]] - np.asarray(pulley.center)
-    contact = Contact(
+    contact = Contact.from_zones(
+        tuple(touching),
+        pulley,
         omega=omega,
-        x_up=touching[0].x[0],
-        x_trans=x_trans,
-        x_off=touching[-1].x[1],
         torque=float(-pulley.radius * np.sum(data.weight * data.f)),
-        wrap_angle=math.atan2(*off) - math.atan2(*up),
-        zones=tuple(touching),
+        y=tuple(places[[0, -1], 1].tolist()),
+        x_trans=x_trans,
     )
     # Contiguous: of columns of a table NumPy 1 rounds the angle in one of two ways, by the place of its result.
     dx, dy = np.ascontiguousarray(data.dr.T)

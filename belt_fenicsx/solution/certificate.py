@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,13 +14,44 @@ from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Status, Zone
+from belt_fenicsx.solution.status import Status
+
+if TYPE_CHECKING:
+    from belt_fenicsx.solution.solution import Solution
 
 BALANCE = 1e-4  # of the tension: sums over the contact of values at points; what is wrong in kind misses by far more
 DRIVE = 1e-9  # of what friction can transmit, by which a drive may be missed
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a force, in units of the extensional stiffness
 MOST = 1e-3  # of what is checked, that the estimated error of a field may excuse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of the certificate.
+
+    Attributes:
+        name: What must hold.
+        margin: How far it holds, relative to the natural size of the checked quantity; negative where it does not.
+        tolerance: The negative margin that the discretisation is allowed.
+        x: Where the margin is smallest [m].
+    """
+
+    name: str
+    margin: float
+    tolerance: float
+    x: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the margin is within the tolerance; false for NaN."""
+        return bool(self.margin >= -self.tolerance)
+
+    def __str__(self) -> str:
+        verdict = "holds" if self.holds else "violated"
+        margin = f"margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
+        return f"{self.name}: {verdict}, {margin}"
 
 
 class Condition(NamedTuple):

@@ -8,11 +8,11 @@ import io
 import json
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -21,9 +21,15 @@ from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict
+from belt_fenicsx.solution.certificate import Check
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import QUANTITIES, Fields
-from belt_fenicsx.solution.report import as_json
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Stage, Status, Zone
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
+from belt_fenicsx.solution.summary import as_json
+
+if TYPE_CHECKING:
+    from belt_fenicsx.solution.solution import Solution
 
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
 # What plain data hold for the annotations of a solution's parts.
@@ -61,8 +67,8 @@ def save(solution: Solution, path: str | Path) -> None:
         np.savez_compressed(file, solution=text, **arrays)
 
 
-def load(path: str | Path) -> Solution:
-    """Reads a solution that `save` wrote.
+def load(path: str | Path) -> dict[str, Any]:
+    """Reads what `save` wrote, as arguments of a solution.
 
     Raises:
         SceneError: The file is not there, is damaged or holds something else.
@@ -106,7 +112,7 @@ def _fields(arrays: Mapping[str, Array]) -> Fields:
 
 
 def to_plain(solution: Solution) -> dict[str, Any]:
-    """The solution without its arrays, as plain data for JSON; `from_plain` makes it again."""
+    """The solution without its arrays, as plain data for JSON, from which `from_plain` reads it again."""
     return {
         "scene": scene_to_dict(solution.scene),
         "method": solution.method,
@@ -124,8 +130,8 @@ def to_plain(solution: Solution) -> dict[str, Any]:
     }
 
 
-def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
-    """Makes a solution from plain data, with the given fields.
+def from_plain(plain: Any, fields_: Fields | None = None) -> dict[str, Any]:
+    """Arguments of a solution from plain data, with the given fields.
 
     Raises:
         SceneError: The data hold no solution.
@@ -135,7 +141,7 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
         zones = _read("tuple[Zone, ...]", plain["zones"])
         if fields_ is not None and not np.all((fields_.zone >= 0) & (fields_.zone < len(zones))):
             raise SceneError("fields.zone", f"number {len(zones)} zones", Verbatim("others"))
-        return Solution(
+        return dict(
             scene=scene_from_dict(plain["scene"]),
             method=_read("str", plain["method"]),
             status=Status[_read("str", plain["status"])],
@@ -212,10 +218,14 @@ def columns(solution: Solution) -> dict[str, tuple[str, Array]]:
 def fields_csv(solution: Solution) -> str:
     """The fields as comma-separated values, with units in the header."""
     table = columns(solution)
+    header = [f"{name} [{unit}]" for name, (unit, _) in table.items()]
+    return as_csv([header, *zip(*(values.tolist() for _, values in table.values()), strict=True)])
+
+
+def as_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as comma-separated values."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([f"{name} [{unit}]" for name, (unit, _) in table.items()])
-    writer.writerows(zip(*(values.tolist() for _, values in table.values()), strict=True))
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from belt_fenicsx.scene.file import unknown_name
 from belt_fenicsx.solution.fields import QUANTITIES
 from belt_fenicsx.solution.files import COMPONENTS, columns
-from belt_fenicsx.solution.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from belt_fenicsx.solution.solution import Solution
 
 # Told apart in grey, too: by the kind of line for a method, by hatching and shade for a zone.
 STYLES = {

@@ -19,8 +19,12 @@ from belt_fenicsx import solve
 from belt_fenicsx.command import arguments
 from belt_fenicsx.command import main as cli
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.certificate import Check
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Stage, Status, Zone
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
 
 serial = pytest.mark.serial
 SCENE = str(Path(__file__).parents[2] / "demos" / "one_pulley.toml")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import graphlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / "belt_fenicsx"
+MODULES = sorted(PACKAGE.rglob("*.py"))
 
 BELOW = {
     "scene": {"scene"},
@@ -23,7 +26,7 @@ BELOW = {
     "bvp": {"scene", "layout", "solution", "taut_string", "search"},
 }
 FACES = {"", "solver", "sweeps", "command"}  # which may import whatever is below them
-STANDS_ALONE = {
+THIRD_PARTIES = {  # of the rooms that may not import all
     "scene": set(),
     "mechanics": {"ufl"},
     "layout": {"numpy"},
@@ -55,7 +58,12 @@ def room(path: Path) -> str:
     return "" if inside[-1] in ("__init__", "__main__") and len(inside) < 3 else inside[0]
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
+def module(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module)
 def test_rooms_import_what_is_below_them(path):
     own = room(path)
     if own in FACES:
@@ -64,3 +72,14 @@ def test_rooms_import_what_is_below_them(path):
         top, *inside = name.split(".")
         if top == "belt_fenicsx":
             assert inside[0] in BELOW[own] | {own}, name
+        elif top not in sys.stdlib_module_names:
+            assert top in THIRD_PARTIES.get(own, {top}), name
+
+
+def test_no_circle():
+    names, graph = set(map(module, MODULES)), graphlib.TopologicalSorter[str]()
+    for path in MODULES:
+        # What is imported is a module, or stands in one.
+        wanted = {name if name in names else name.rpartition(".")[0] for name in imports(path)}
+        graph.add(module(path), *wanted & names)
+    graph.prepare()
