@@ -221,7 +221,7 @@ def _made(kind: type, values: Mapping[str, Any], path: str) -> Any:
 
 @functools.cache
 def _names(kind: type) -> dict[str, None]:
-    return dict.fromkeys(f.name for f in fields(kind))
+    return dict.fromkeys(f.name for f in fields(kind) if f.init)
 
 
 def _check_names(values: Mapping[str, Any], known: Iterable[str], prefix: str) -> None:
@@ -256,5 +256,6 @@ def _parent(data: dict[str, Any], path: str) -> tuple[Any, str]:
 
 def _plain(value: Any) -> Any:
     if is_dataclass(value):
-        return {name: _plain(item) for name, item in vars(value).items() if item is not None}
+        given = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
+        return {name: _plain(item) for name, item in given.items() if item is not None}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
