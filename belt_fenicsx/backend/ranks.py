@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 
@@ -64,7 +64,8 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
     if others:
         expected = "be the same on all ranks that solve it together, as must be all other arguments"
         raise SceneError("scene", expected, Verbatim(f"others than rank 0 on rank {', '.join(others)}"))
-    return result
+    # Without an error, there is one.
+    return cast(T, result)
 
 
 def _portable(error: BaseException | None) -> BaseException | None:

@@ -192,7 +192,7 @@ def _read(kind: str, value: Any) -> Any:
     return tuple(_read(members[0], item) for item in value)
 
 
-def _arrays(fields_: Fields | None) -> dict[str, Array]:
+def _arrays(fields_: Fields | None) -> dict[str, Any]:
     return {} if fields_ is None else {f.name: getattr(fields_, f.name) for f in fields(fields_)}
 
 
