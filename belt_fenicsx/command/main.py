@@ -1,7 +1,7 @@
 """The command line: reads a scene, solves it, tells the answer. Its arguments: see `arguments`.
 
-Only this room of the package prints, configures logging, or looks at PETSc's options. What a call does not need is not
-imported: the BVP runs without FEniCS, PETSc and MPI, a wrong argument without any of the numerics.
+Only this subpackage prints, configures logging, or looks at PETSc's options. What a call does not need is not imported:
+the BVP runs without FEniCS, PETSc and MPI, a wrong argument without any of the numerics.
 """
 
 from __future__ import annotations
