@@ -1,4 +1,4 @@
-"""What stands before all methods: what is checked before anything is set up, which method answers, and which one helps it out."""
+"""Before all methods: what is checked first, which one answers, and which one helps it out."""
 
 from __future__ import annotations
 
