@@ -9,8 +9,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from belt_fenicsx.command.exits import UsageError
 from belt_fenicsx.command.output import PROGRAM
+from belt_fenicsx.command.process import UsageError
 from belt_fenicsx.command.values import PLOT_SUFFIXES, convert
 from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
 

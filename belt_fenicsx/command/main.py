@@ -18,19 +18,17 @@ from types import FrameType
 from belt_fenicsx.backend.compiling import NotCompiled
 from belt_fenicsx.backend.ranks import on_first
 from belt_fenicsx.command.arguments import CHECK, SOLVE, SWEEP, information, parsed
-from belt_fenicsx.command.exits import (
-    BAD_INPUT,
-    FAILED,
-    INTERRUPTED,
-    NO_READER,
-    SOLVED,
-    TERMINATED,
+from belt_fenicsx.command.output import complain, configure_logging, interrupted, reported, show
+from belt_fenicsx.command.process import (
+    Exit,
     Missing,
     Terminated,
     UsageError,
+    abort_other_ranks,
+    agreed,
+    all_ranks,
+    own_rank,
 )
-from belt_fenicsx.command.output import complain, configure_logging, interrupted, reported, show
-from belt_fenicsx.command.ranks import abort_other_ranks, agreed, all_ranks, own_rank
 from belt_fenicsx.command.reports import checked, solved, swept
 from belt_fenicsx.scene.checks import SceneError, Verbatim, printable
 from belt_fenicsx.scene.file import left_out, parse_data, read_data, scene_from_dict, with_values
@@ -55,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # From here on there is nothing to be kept.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
-    if code in (INTERRUPTED, TERMINATED):
+    if code in (Exit.INTERRUPTED, Exit.TERMINATED):
         # Other ranks may not be at an end, for which MPI's own end would wait.
         for stream in filter(None, (sys.stdout, sys.stderr)):
             with contextlib.suppress(OSError):
@@ -69,13 +67,13 @@ def _ended(argv: list[str]) -> int:
     try:
         return _run(argv)
     except (SceneError, UsageError) as error:
-        return complain(error, BAD_INPUT)
+        return complain(error, Exit.BAD_INPUT)
     except (Missing, NotCompiled) as error:
-        return complain(error, FAILED)
+        return complain(error, Exit.FAILED)
     except KeyboardInterrupt as error:
         return interrupted(error)
     except BrokenPipeError:
-        return NO_READER
+        return Exit.NO_READER
     except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
         abort_other_ranks()
         raise
@@ -97,7 +95,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def _run(argv: list[str]) -> int:
     text = information(argv)
     if text is not None:
-        return reported(functools.partial(show, text)) if own_rank() == 0 else SOLVED
+        return reported(functools.partial(show, text)) if own_rank() == 0 else Exit.SOLVED
     args, petsc = parsed(argv)
     scene = _scene(args)
     configure_logging(args.verbose)
@@ -115,7 +113,7 @@ def _scene(args: argparse.Namespace) -> Scene:
     args.left_out = left_out(scene, data, [*args.set, *(args.over if args.command == SWEEP else ())])
     if args.left_out:
         values = ", ".join(f"{path} = {value}" for path, value in args.left_out.items())
-        complain(printable(f"{args.scene} leaves out what the published scene has: {values}."), SOLVED)
+        complain(printable(f"{args.scene} leaves out what the published scene has: {values}."), Exit.SOLVED)
     return scene
 
 

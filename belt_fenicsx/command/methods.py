@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.backend import interrupts
 from belt_fenicsx.backend.compiling import CACHE_VARIABLE
-from belt_fenicsx.command.exits import Missing, UsageError
 from belt_fenicsx.command.output import PROGRAM
+from belt_fenicsx.command.process import Missing, UsageError
 
 if TYPE_CHECKING:
     from belt_fenicsx.solution.solution import Solution

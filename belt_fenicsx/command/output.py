@@ -10,8 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 
-from belt_fenicsx.command.exits import FAILED, INTERRUPTED, NO_READER, SOLVED, TERMINATED, Terminated, unwritten
-from belt_fenicsx.command.ranks import own_rank
+from belt_fenicsx.command.process import Exit, Terminated, own_rank, unwritten
 
 PROGRAM = "belt-fenicsx"
 
@@ -30,7 +29,7 @@ def show(text: str) -> int:
         # At exit Python would try once more to write to the closed pipe or the full disk.
         sys.stdout = open(os.devnull, "w")
         raise
-    return SOLVED
+    return Exit.SOLVED
 
 
 def complain(text: object, code: int) -> int:
@@ -42,7 +41,7 @@ def complain(text: object, code: int) -> int:
 
 def interrupted(error: KeyboardInterrupt) -> int:
     """Says that the program was interrupted, with the error's notes; returns the exit code."""
-    word, code = ("terminated", TERMINATED) if isinstance(error, Terminated) else ("interrupted", INTERRUPTED)
+    word, code = ("terminated", Exit.TERMINATED) if isinstance(error, Terminated) else ("interrupted", Exit.INTERRUPTED)
     return complain(" ".join([f"{word}.", *getattr(error, "__notes__", [])]).rstrip(), code)
 
 
@@ -51,9 +50,9 @@ def reported(report: Callable[[], int]) -> int:
     try:
         return report()
     except BrokenPipeError:
-        return NO_READER
+        return Exit.NO_READER
     except OSError as error:
-        return complain(unwritten(error), FAILED)
+        return complain(unwritten(error), Exit.FAILED)
     except KeyboardInterrupt as error:
         return interrupted(error)
 

@@ -8,10 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from belt_fenicsx.command.exits import SOLVED, Missing, exit_code, unwritten
 from belt_fenicsx.command.methods import check_used, solver
 from belt_fenicsx.command.output import complain, progress_bar, show
-from belt_fenicsx.command.ranks import all_ranks
+from belt_fenicsx.command.process import Exit, Missing, all_ranks, exit_code, unwritten
 from belt_fenicsx.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def solved(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Repo
 
         show(as_json(solution, args.left_out) if args.json else as_text(solution))
         if args.plot is not None and solution.fields is None:
-            complain(f"{args.plot} was not drawn: the solve left no fields to be shown.", SOLVED)
+            complain(f"{args.plot} was not drawn: the solve left no fields to be shown.", Exit.SOLVED)
         elif args.plot is not None:
             _plot(solution, args.plot)
         if args.out is not None:

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from belt_fenicsx.command.exits import Missing
+from belt_fenicsx.command.process import Missing
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.file import parse_assignment, parse_value
 

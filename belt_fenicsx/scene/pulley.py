@@ -7,15 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim, number, positive, shown, store
-from belt_fenicsx.scene.units import Units
+from belt_fenicsx.scene.units import Quantity, Units
 
 Slip = Literal["forward", "backward"]
 RUN_UP, RUN_OFF = "run-up", "run-off"
-# Units of what may drive a pulley, and their powers of length, force and transport rate.
-DRIVES: Mapping[str, tuple[str, Mapping[str, int]]] = {
-    "x_trans": ("m", {"length": 1}),
-    "omega": ("rad/s", {"length": -1, "rate": 1}),
-    "torque": ("N m", {"length": 1, "force": 1}),
+DRIVES: Mapping[str, Quantity] = {
+    "x_trans": Quantity(unit="m", text="transition", length=1),
+    "omega": Quantity(unit="rad/s", text="omega", length=-1, rate=1),
+    "torque": Quantity(unit="N m", text="torque", length=1, force=1),
 }
 
 
@@ -35,8 +34,7 @@ class Drive:
 
     def dimensionless(self, units: Units) -> dict[str, Any]:
         """The value in these units, as keyword of a pulley."""
-        _, powers = DRIVES[self.kind]
-        return {self.kind: self.value if isinstance(self.value, str) else self.value / units.of(**powers)}
+        return {self.kind: self.value if isinstance(self.value, str) else self.value / DRIVES[self.kind].scale(units)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +90,7 @@ class Pulley:
         if kind != "x_trans":
             if self.slip is not None:
                 raise SceneError("slip", f"be left out with `{kind}`, from which it follows", self.slip)
-            return Drive(kind, number(kind, value, DRIVES[kind][0]))
+            return Drive(kind, number(kind, value, DRIVES[kind].unit))
         if self.slip not in (None, "forward", "backward"):
             raise SceneError("slip", 'be "forward" or "backward"', self.slip)
         return Drive(kind, self._checked_place(value), self.slip or "forward")

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from belt_fenicsx.scene.pulley import Pulley, Slip
-from belt_fenicsx.scene.units import Units
+from belt_fenicsx.scene.pulley import DRIVES, Pulley, Slip
+from belt_fenicsx.scene.units import Quantity, Units
+
+# Of a contact, in the order in which they are told.
+QUANTITIES: Mapping[str, Quantity] = {
+    "omega": DRIVES["omega"],
+    "x_up": Quantity(unit="m", text="run-up", length=1),
+    "x_trans": DRIVES["x_trans"],
+    "x_off": Quantity(unit="m", text="run-off", length=1),
+    "torque": DRIVES["torque"],
+    "wrap_angle": Quantity(unit="rad", text="wrap angle"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,16 +104,8 @@ class Contact:
 
     def in_units(self, units: Units) -> Contact:
         """The contact of a dimensionless scene in the given units."""
-        length = units.length
-        return Contact(
-            omega=self.omega * units.of(length=-1, rate=1),
-            x_up=self.x_up * length,
-            x_trans=self.x_trans * length,
-            x_off=self.x_off * length,
-            torque=self.torque * units.of(length=1, force=1),
-            wrap_angle=self.wrap_angle,
-            zones=tuple(zone.in_units(units) for zone in self.zones),
-        )
+        scaled = {name: getattr(self, name) * quantity.scale(units) for name, quantity in QUANTITIES.items()}
+        return replace(self, zones=tuple(zone.in_units(units) for zone in self.zones), **scaled)
 
     def __repr__(self) -> str:
         zones = ", ".join(zone.name for zone in self.zones)

@@ -20,7 +20,7 @@ import numpy as np
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError, Verbatim
-from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict
+from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import QUANTITIES, Fields
@@ -136,7 +136,7 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> dict[str, Any]:
     Raises:
         SceneError: The data hold no solution.
     """
-    plain = _table(plain, "solution")
+    plain = table(plain, "solution")
     try:
         zones = _read("tuple[Zone, ...]", plain["zones"])
         if fields_ is not None and not np.all((fields_.zone >= 0) & (fields_.zone < len(zones))):
@@ -162,13 +162,7 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> dict[str, Any]:
 
 
 def _numbers(plain: Mapping[str, Any], name: str) -> dict[str, float]:
-    return {key: _read("float", value) for key, value in _table(plain[name], name).items()}
-
-
-def _table(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise SceneError(name, "be a table of names and values", value)
-    return value
+    return {key: _read("float", value) for key, value in table(plain[name], name).items()}
 
 
 def _read(kind: str, value: Any) -> Any:
@@ -182,7 +176,7 @@ def _read(kind: str, value: Any) -> Any:
             raise SceneError("solution", f"hold a value of the kind {kind}", value)
         return value
     if kind in PARTS:
-        part = _table(value, kind)
+        part = table(value, kind)
         if set(part) != {f.name for f in fields(PARTS[kind])}:
             raise SceneError("solution", f"hold what makes a {kind}", Verbatim(", ".join(part) or "nothing"))
         return PARTS[kind](**{f.name: _read(str(f.type), part[f.name]) for f in fields(PARTS[kind])})
@@ -217,9 +211,9 @@ def columns(solution: Solution) -> dict[str, tuple[str, Array]]:
 
 def fields_csv(solution: Solution) -> str:
     """The fields as comma-separated values, with units in the header."""
-    table = columns(solution)
-    header = [f"{name} [{unit}]" for name, (unit, _) in table.items()]
-    return as_csv([header, *zip(*(values.tolist() for _, values in table.values()), strict=True)])
+    found = columns(solution)
+    header = [f"{name} [{unit}]" for name, (unit, _) in found.items()]
+    return as_csv([header, *zip(*(values.tolist() for _, values in found.values()), strict=True)])
 
 
 def as_csv(rows: Iterable[Sequence[Any]]) -> str:
@@ -238,10 +232,11 @@ def write_centreline(solution: Solution, path: str | Path) -> None:
     """
     import meshio
 
-    table = columns(solution)
-    points = np.column_stack([table["x"][1], table["y"][1], np.zeros_like(table["x"][1])])
+    values = {name: array for name, (_, array) in columns(solution).items()}
+    x, y = values.pop("x"), values.pop("y")
+    points = np.column_stack([x, y, np.zeros_like(x)])
     lines = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
-    data = {name: np.ascontiguousarray(values) for name, (_, values) in table.items() if name not in ("x", "y")}
+    data = {name: np.ascontiguousarray(array) for name, array in values.items()}
     with replaced(Path(path)) as partial:
         meshio.Mesh(points, [("line", lines)], point_data=data).write(partial)
 

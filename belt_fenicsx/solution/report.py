@@ -6,10 +6,11 @@ import base64
 import html
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from belt_fenicsx.solution.contact import QUANTITIES
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solution.summary import difference_of_omega
 
@@ -25,15 +26,7 @@ def as_text(solution: Solution) -> str:
     lines = [] if solution.success else [f"*** {_mark(solution.status)} ***", ""]
     length = solution.scene.belt.length
     for contact in solution.contacts:
-        lines += [
-            f"omega        {contact.omega:18.12g} rad/s",
-            f"run-up       {_place(contact.x_up, length):>18} m",
-            f"transition   {_place(contact.x_trans, length):>18} m",
-            f"run-off      {_place(contact.x_off, length):>18} m",
-            f"torque       {contact.torque:18.10g} N m",
-            f"wrap angle   {contact.wrap_angle:18.10g} rad",
-            "",
-        ]
+        lines += [*(f"{name:<13}{value:>18} {unit}" for name, value, unit in _rows(contact, length)), ""]
     if solution.zones:
         lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
         for zone in solution.zones:
@@ -67,7 +60,10 @@ def as_html(solution: Solution) -> str:
     mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
     sentences = (solution.status.value, solution.message, *solution.violations, *solution.hints)
     text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
-    rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
+    rows = []
+    for contact in solution.contacts:
+        rows += [(name, f"{value} {unit}") for name, value, unit in _rows(contact, solution.scene.belt.length)]
+        rows.append(("zones", ", ".join(zone.name for zone in contact.zones)))
     rows += [("method", solution.method), ("iterations", str(solution.iterations))]
     if not math.isnan(solution.error_estimate):
         rows.append(("estimated relative error of omega", f"{solution.error_estimate:.1e}"))
@@ -75,16 +71,12 @@ def as_html(solution: Solution) -> str:
     return f"<div><p>{mark}{text}</p><table>{table}</table>{_html_figure(solution)}</div>"
 
 
-def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
-    return [
-        ("omega", f"{contact.omega:.12g} rad/s"),
-        ("run-up", f"{_place(contact.x_up, length)} m"),
-        ("transition", f"{_place(contact.x_trans, length)} m"),
-        ("run-off", f"{_place(contact.x_off, length)} m"),
-        ("torque", f"{contact.torque:.10g} N m"),
-        ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
-        ("zones", ", ".join(zone.name for zone in contact.zones)),
-    ]
+def _rows(contact: Contact, length: float) -> Iterator[tuple[str, str, str]]:
+    """Names, values and units of what a contact has."""
+    for name, quantity in QUANTITIES.items():
+        value = getattr(contact, name)
+        digits = 12 if name == "omega" else 10
+        yield quantity.text, _place(value, length) if quantity.unit == "m" else f"{value:.{digits}g}", quantity.unit
 
 
 def _html_figure(solution: Solution) -> str:

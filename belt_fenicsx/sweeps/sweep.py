@@ -20,6 +20,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.file import with_values
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import QUANTITIES
 from belt_fenicsx.solution.fields import same_values
 from belt_fenicsx.solution.files import as_csv
 from belt_fenicsx.solution.solution import Solution
@@ -28,7 +29,7 @@ from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solver import solve
 from belt_fenicsx.sweeps.parts import Parts, keys
 from belt_fenicsx.sweeps.ranks import OneProcess, Ranks, ranks_of
-from belt_fenicsx.sweeps.table import COLUMNS, as_html, as_line, header, of_contact, row
+from belt_fenicsx.sweeps.table import as_html, as_line, header, of_contact, row
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -76,7 +77,7 @@ class Sweep:
         Raises:
             KeyError: There is no such column.
         """
-        if name in COLUMNS:
+        if name in QUANTITIES:
             return np.array([of_contact(solution, name) for solution in self.solutions])
         if name in ("error_estimate", "iterations"):
             return np.array([getattr(solution, name) for solution in self.solutions])

@@ -6,32 +6,26 @@ import html
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+from belt_fenicsx.solution.contact import QUANTITIES
+
 if TYPE_CHECKING:
     from belt_fenicsx.solution.solution import Solution
     from belt_fenicsx.sweeps.sweep import Sweep
 
-COLUMNS = {
-    "omega": "rad/s",
-    "x_up": "m",
-    "x_trans": "m",
-    "x_off": "m",
-    "torque": "N m",
-    "wrap_angle": "rad",
-}
 SHOWN = 5  # rows that a notebook shows, from the table's head and from its tail
 
 
 def header(over: str | tuple[str, ...] | None) -> list[str]:
     """Names of a table's columns, with units."""
     changed = [over or "scene"] if not isinstance(over, tuple) else over
-    columns = [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
+    columns = [f"{name} [{quantity.unit}]" for name, quantity in QUANTITIES.items()]
     return [*changed, *columns, "error_estimate [-]", "iterations", "status"]
 
 
 def row(value: Any, solution: Solution) -> list[Any]:
     """A row of a table, from the value, or the tuple of values, of its scene."""
     changed = value if isinstance(value, tuple) else (value,)
-    quantities = [of_contact(solution, name) for name in COLUMNS]
+    quantities = [of_contact(solution, name) for name in QUANTITIES]
     return [*changed, *quantities, solution.error_estimate, solution.iterations, solution.status.name]
 
 

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from belt_fenicsx import solve
 from belt_fenicsx.command import arguments, reports
 from belt_fenicsx.command import main as cli
-from belt_fenicsx.command.ranks import own_rank
+from belt_fenicsx.command.process import own_rank
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone

@@ -1,19 +1,58 @@
-"""This process among those that a launcher started. MPI is not loaded to be asked."""
+"""This process: how it ends, and which of those it is that a launcher started. MPI is not loaded to be asked."""
 
 from __future__ import annotations
 
+import enum
 import os
 import sys
 import traceback
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from belt_fenicsx.command.exits import FAILED, Missing
-
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from belt_fenicsx.solution.solution import Solution
+
 RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
+
+
+class Exit(enum.IntEnum):
+    """Exit codes."""
+
+    SOLVED = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    NOT_CONVERGED = 3
+    NOT_ADMISSIBLE = 4
+    # As a shell names the end by SIGINT, SIGPIPE and SIGTERM.
+    INTERRUPTED = 130
+    NO_READER = 141
+    TERMINATED = 143
+
+
+class UsageError(Exception):
+    """Arguments that do not parse."""
+
+
+class Missing(Exception):
+    """Something outside of the scene and the solve that keeps the result from the user."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a solve as Ctrl-C does."""
+
+
+def exit_code(solution: Solution) -> int:
+    """The exit code of an answer."""
+    if solution.success:
+        return Exit.SOLVED
+    return Exit.NOT_ADMISSIBLE if solution.status.name == "NOT_ADMISSIBLE" else Exit.NOT_CONVERGED
+
+
+def unwritten(error: OSError) -> str:
+    """The complaint about a result that could not be written."""
+    return f"the result could not be written: {error.strerror or error}."
 
 
 def own_rank() -> int:
@@ -49,7 +88,7 @@ def abort_other_ranks() -> None:
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None and mpi.COMM_WORLD.size > 1:
         traceback.print_exc()
-        mpi.COMM_WORLD.Abort(FAILED)
+        mpi.COMM_WORLD.Abort(Exit.FAILED)
 
 
 def agreed(code: int) -> int:
