@@ -118,7 +118,7 @@ def answer(
     checked |= {"rtol": relative_tolerance(rtol), "comm": communicator(comm)}
     if not touches(scene):
         return finish(straight_belt(scene, method), throw=throw)
-    with interrupts.held():
+    with interrupts.defer():
         solution = _solved(scene, method, initial=initial, **checked)
         helper = METHODS[method].helper
         if helper and solution.status in UNFINISHED:

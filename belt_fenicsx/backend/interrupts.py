@@ -16,7 +16,7 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Held:
+class Deferral:
     """What takes signals as long as they are held back.
 
     Args:
@@ -39,31 +39,31 @@ class Held:
 
 
 @contextlib.contextmanager
-def held() -> Iterator[None]:
+def defer() -> Iterator[None]:
     """Holds signals back until its block ends, or `check` is called in it.
 
     Python's signals come to the main thread alone; elsewhere, and within another such block, there is nothing to do.
     Signals without a handler in Python end the process at once, and those that are ignored stay so.
     """
-    inner = isinstance(signal.getsignal(signal.SIGINT), Held) or isinstance(signal.getsignal(signal.SIGTERM), Held)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    inner = any(isinstance(handler, Deferral) for handler in handlers.values())
     if inner or threading.current_thread() is not threading.main_thread():
         yield
         return
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
-    hold = Held({number: handler for number, handler in handlers.items() if callable(handler)})
+    deferral = Deferral({number: handler for number, handler in handlers.items() if callable(handler)})
     try:
-        for number in hold.handlers:
-            signal.signal(number, hold)
+        for number in deferral.handlers:
+            signal.signal(number, deferral)
         yield
     finally:
-        for number, handler in hold.handlers.items():
+        for number, handler in deferral.handlers.items():
             signal.signal(number, handler)
-        hold.deliver()
+        deferral.deliver()
 
 
 def check() -> None:
     """Lets a signal through that was held back; called where a solve can end without harm."""
     for number in SIGNALS:
-        hold = signal.getsignal(number)
-        if isinstance(hold, Held):
-            hold.deliver()
+        deferral = signal.getsignal(number)
+        if isinstance(deferral, Deferral):
+            deferral.deliver()

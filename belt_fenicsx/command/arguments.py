@@ -100,7 +100,7 @@ def information(argv: Sequence[str]) -> str | None:
     return None
 
 
-def parsed(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
+def parse_arguments(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """Parses the arguments.
 
     Args:

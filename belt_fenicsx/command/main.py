@@ -17,19 +17,19 @@ from types import FrameType
 
 from belt_fenicsx.backend.compiling import NotCompiled
 from belt_fenicsx.backend.ranks import on_first
-from belt_fenicsx.command.arguments import CHECK, SOLVE, SWEEP, information, parsed
-from belt_fenicsx.command.output import complain, configure_logging, interrupted, reported, show
+from belt_fenicsx.command.arguments import CHECK, SOLVE, SWEEP, information, parse_arguments
+from belt_fenicsx.command.output import complain, complain_of_interrupt, configure_logging, run_report, show
 from belt_fenicsx.command.process import (
     Exit,
     Missing,
     Terminated,
     UsageError,
     abort_other_ranks,
-    agreed,
     all_ranks,
     own_rank,
+    share_code,
 )
-from belt_fenicsx.command.reports import checked, solved, swept
+from belt_fenicsx.command.reports import check_scene, solve_scene, sweep_scenes
 from belt_fenicsx.scene.checks import SceneError, Verbatim, printable
 from belt_fenicsx.scene.file import left_out, parse_data, read_data, scene_from_dict, with_values
 from belt_fenicsx.scene.scene import Scene
@@ -46,10 +46,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code, the same on all ranks.
     """
     if argv is not None:
-        return _ended(list(argv))
+        return _exit_code_of(list(argv))
     _open_standard_streams()
     signal.signal(signal.SIGTERM, _terminate)
-    code = _ended(sys.argv[1:])
+    code = _exit_code_of(sys.argv[1:])
     # From here on there is nothing to be kept.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _ended(argv: list[str]) -> int:
+def _exit_code_of(argv: list[str]) -> int:
     """Runs the command line; what is raised becomes a complaint and an exit code."""
     try:
         return _run(argv)
@@ -71,7 +71,7 @@ def _ended(argv: list[str]) -> int:
     except (Missing, NotCompiled) as error:
         return complain(error, Exit.FAILED)
     except KeyboardInterrupt as error:
-        return interrupted(error)
+        return complain_of_interrupt(error)
     except BrokenPipeError:
         return Exit.NO_READER
     except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
@@ -95,12 +95,12 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def _run(argv: list[str]) -> int:
     text = information(argv)
     if text is not None:
-        return reported(functools.partial(show, text)) if own_rank() == 0 else Exit.SOLVED
-    args, petsc = parsed(argv)
+        return run_report(functools.partial(show, text)) if own_rank() == 0 else Exit.SOLVED
+    args, petsc = parse_arguments(argv)
     scene = _scene(args)
     configure_logging(args.verbose)
-    report = {SOLVE: solved, SWEEP: swept, CHECK: checked}[args.command](scene, args, petsc)
-    return agreed(reported(report) if own_rank() == 0 else 0)
+    report = {SOLVE: solve_scene, SWEEP: sweep_scenes, CHECK: check_scene}[args.command](scene, args, petsc)
+    return share_code(run_report(report) if own_rank() == 0 else 0)
 
 
 def _scene(args: argparse.Namespace) -> Scene:

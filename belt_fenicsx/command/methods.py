@@ -66,7 +66,7 @@ def _start_petsc(petsc: Sequence[str]) -> None:
     # DOLFINx would take an empty or relative one for a folder here, and load code from it.
     if not os.path.isabs(os.environ.get(CACHE_VARIABLE, os.sep)):
         del os.environ[CACHE_VARIABLE]
-    with interrupts.held():
+    with interrupts.defer():
         import petsc4py
 
         # PETSc reads its options when it starts, which is when DOLFINx is imported. A closed pipe is for Python to

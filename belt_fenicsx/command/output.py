@@ -39,13 +39,13 @@ def complain(text: object, code: int) -> int:
     return code
 
 
-def interrupted(error: KeyboardInterrupt) -> int:
-    """Says that the program was interrupted, with the error's notes; returns the exit code."""
+def complain_of_interrupt(error: KeyboardInterrupt) -> int:
+    """Says that the program was complain_of_interrupt, with the error's notes; returns the exit code."""
     word, code = ("terminated", Exit.TERMINATED) if isinstance(error, Terminated) else ("interrupted", Exit.INTERRUPTED)
     return complain(" ".join([f"{word}.", *getattr(error, "__notes__", [])]).rstrip(), code)
 
 
-def reported(report: Callable[[], int]) -> int:
+def run_report(report: Callable[[], int]) -> int:
     """Runs a report, which returns an exit code; raises nothing that the other ranks would wait for."""
     try:
         return report()
@@ -54,7 +54,7 @@ def reported(report: Callable[[], int]) -> int:
     except OSError as error:
         return complain(unwritten(error), Exit.FAILED)
     except KeyboardInterrupt as error:
-        return interrupted(error)
+        return complain_of_interrupt(error)
 
 
 def configure_logging(verbose: bool) -> None:
@@ -68,10 +68,10 @@ def configure_logging(verbose: bool) -> None:
 
 
 @contextlib.contextmanager
-def progress_bar(forced: bool, rows_are_told: bool) -> Iterator[Callable[[int, int], None] | None]:
+def progress_bar(forced: bool, shows_rows: bool) -> Iterator[Callable[[int, int], None] | None]:
     """What shows a sweep's progress on rank 0: one line on a terminal that shows no rows, nothing elsewhere, unless
     forced."""
-    rows_are_seen = rows_are_told and sys.stdout is not None and sys.stdout.isatty()
+    rows_are_seen = shows_rows and sys.stdout is not None and sys.stdout.isatty()
     if own_rank() > 0 or find_spec("tqdm") is None or (rows_are_seen and not forced):
         yield None
         return

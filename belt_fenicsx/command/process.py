@@ -91,7 +91,7 @@ def abort_other_ranks() -> None:
         mpi.COMM_WORLD.Abort(Exit.FAILED)
 
 
-def agreed(code: int) -> int:
+def share_code(code: int) -> int:
     """The exit code of rank 0, on all ranks."""
     mpi = sys.modules.get("mpi4py.MPI")
     return code if mpi is None else int(mpi.COMM_WORLD.bcast(code, root=0))

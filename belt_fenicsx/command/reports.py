@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Report = Callable[[], int]
 
 
-def solved(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
+def solve_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene; the report shows, draws and writes the answer."""
     solution = solver(args, petsc, args.method)(scene)
     check_used(petsc, solution)
@@ -55,43 +55,43 @@ def _plot(solution: Solution, path: Path) -> None:
         overview(solution).savefig(partial, format=path.suffix[1:].lower())
 
 
-def swept(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
+def sweep_scenes(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves the scenes of a sweep; on one process without a file, its rows are shown as they come."""
     ranks, table = all_ranks(), _Table(args.over, args.json)
     # Rows of other ranks are known at the end.
-    told_at_once = args.out is None and ranks is None
+    shows_rows = args.out is None and ranks is None
 
     def on_solved(index: int, solution: Solution) -> None:
         check_used(petsc, solution)
-        if told_at_once:
-            table.tell(args.values[index], solution)
+        if shows_rows:
+            table.show_row(args.values[index], solution)
 
-    result = _sweep(scene, args, petsc, on_solved=on_solved, comm=ranks, told_at_once=told_at_once)
+    result = _sweep(scene, args, petsc, on_solved=on_solved, comm=ranks, shows_rows=shows_rows)
 
     def report() -> int:
         if args.out is not None:
             solved = sum(solution.success for solution in result.solutions)
             ends = {"table": str(args.out), "scenes": len(result.solutions), "solved": solved}
             show(json.dumps(ends) if args.json else f"{args.out}: {len(result.solutions)} scenes, {solved} solved")
-        elif not told_at_once:
+        elif not shows_rows:
             for values, solution in zip(result.values, result.solutions, strict=True):
-                table.tell(values, solution)
+                table.show_row(values, solution)
         return max(map(exit_code, result.solutions))
 
     return report
 
 
-def _sweep(scene: Scene, args: argparse.Namespace, petsc: Sequence[str], *, told_at_once: bool, **more: Any) -> Sweep:
+def _sweep(scene: Scene, args: argparse.Namespace, petsc: Sequence[str], *, shows_rows: bool, **more: Any) -> Sweep:
     """The sweep; where it is interrupted, the error says what it leaves."""
     method = solver(args, petsc, args.method)
     from belt_fenicsx.sweeps.sweep import sweep
 
     asked = {"over": args.over, "values": args.values, "solver": method, "out": args.out, "keep_fields": False, **more}
     try:
-        with progress_bar(args.progress, told_at_once) as progress:
+        with progress_bar(args.progress, shows_rows) as progress:
             return sweep(scene, **asked, progress=progress)
     except KeyboardInterrupt as error:
-        error.add_note(_kept(args))
+        error.add_note(_what_is_kept(args))
         raise
     except BrokenPipeError:
         raise
@@ -100,7 +100,7 @@ def _sweep(scene: Scene, args: argparse.Namespace, petsc: Sequence[str], *, told
         raise Missing(unwritten(error)) from None
 
 
-def _kept(args: argparse.Namespace) -> str:
+def _what_is_kept(args: argparse.Namespace) -> str:
     """What an interrupted sweep leaves."""
     if args.out is None:
         return "Finished rows are kept with --out."
@@ -112,7 +112,7 @@ def _kept(args: argparse.Namespace) -> str:
 
 
 class _Table:
-    """A sweep's table, told row by row.
+    """A sweep's table, shown row by row.
 
     Args:
         over: What changes from row to row.
@@ -122,7 +122,7 @@ class _Table:
     def __init__(self, over: tuple[str, ...], as_json: bool) -> None:
         self._over, self._as_json, self._begun = over, as_json, False
 
-    def tell(self, values: tuple[Any, ...], solution: Solution) -> None:
+    def show_row(self, values: tuple[Any, ...], solution: Solution) -> None:
         """Shows a row, the first one after the header."""
         from belt_fenicsx.solution.files import as_csv
         from belt_fenicsx.solution.summary import row_as_json
@@ -136,7 +136,7 @@ class _Table:
         show(as_csv(rows).rstrip("\n"))
 
 
-def checked(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
+def check_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene by two methods; the report shows their certificates."""
     methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
     solutions = [solver(args, petsc, method)(scene) for method in methods]
