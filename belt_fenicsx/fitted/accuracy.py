@@ -72,7 +72,7 @@ def error_of_known(
 
 def _known(scene: Scene, state: State) -> float:
     """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive.kind == "omega" else 0.0)
 
 
 def rounding(scene: Scene, state: State) -> float:

@@ -29,7 +29,7 @@ def pulley_speed(scene: Scene, state: State) -> float:
     Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
+    if pulley.drive.kind == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
         return pulley.omega * pulley.radius
     if state.mesh.zones.transition or pulley.friction == 0.0:
         return state.D_stick

@@ -128,9 +128,9 @@ class _Asked:
             SceneError: One of them cannot be meant.
         """
         pulley = scene.pulleys[0]
-        if pulley.drive != "x_trans":
+        if pulley.drive.kind != "x_trans":
             expected = f"be left out with the method {NAME}, which needs `x_trans`"
-            raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
+            raise SceneError(f"pulleys.0.{pulley.drive.kind}", expected, pulley.drive.value)
         plain, units = scene.dimensionless()
         nodes = _nodes(scene, elements, mesh) / units.length
         start = None

@@ -53,6 +53,7 @@ class Pulley:
         slip: Sense of the sliding after ``x_trans``: ``"forward"`` (the belt is faster) or ``"backward"``.
         omega: Angular velocity [rad/s], positive where the pulley's top moves with the belt.
         torque: Moment that the belt exerts on the pulley [N m], positive where it drives it along.
+        drive: The one that is given, with its sense of sliding; follows from the others.
 
     Raises:
         SceneError: A value is out of its range, or more than one drive is given.
@@ -65,7 +66,7 @@ class Pulley:
     slip: Slip | None = None
     omega: float | None = None
     torque: float | None = None
-    _drive: Drive = field(init=False, repr=False, compare=False)
+    drive: Drive = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         friction = number("friction", self.friction, "-")
@@ -73,7 +74,7 @@ class Pulley:
             raise SceneError("friction", "be zero or positive [-]", self.friction)
         store(self, radius=positive("radius", self.radius, "m"), center=self._checked_center(), friction=friction)
         drive = self._checked_drive()
-        store(self, _drive=drive, slip=drive.slip, **{drive.kind: drive.value})
+        store(self, drive=drive, slip=drive.slip, **{drive.kind: drive.value})
 
     def _checked_center(self) -> tuple[float, float]:
         center = self.center
@@ -106,12 +107,7 @@ class Pulley:
             raise SceneError("x_trans", f"lie over the pulley, in ({low:g}, {high:g}) [m]", x_trans)
         return place
 
-    @property
-    def drive(self) -> str:
-        """Which of ``"x_trans"``, ``"omega"``, ``"torque"`` is given."""
-        return self._drive.kind
-
     def dimensionless(self, units: Units) -> Pulley:
         """The pulley in these units."""
         center = (self.center[0] / units.length, self.center[1] / units.length)
-        return replace(self, radius=self.radius / units.length, center=center, **self._drive.dimensionless(units))
+        return replace(self, radius=self.radius / units.length, center=center, **self.drive.dimensionless(units))

@@ -201,19 +201,18 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
     nothing sticks, any speed is met. A place is missed by its distance, relative to the contact.
     """
-    pulley, b1 = scene.pulleys[0], scene.belt.extensional_stiffness
+    pulley, b1, drive = scene.pulleys[0], scene.belt.extensional_stiffness, scene.pulleys[0].drive
     capacity = transmissible(pulley.friction, float(fields.weight @ fields.p))
-    if not capacity > 0.0 or isinstance(pulley.x_trans, str):
+    if not capacity > 0.0 or isinstance(drive.value, str):
         return ()
     # Turns what is missed into a part of the contact, or of the force that friction can transmit.
     unit = {
         "x_trans": contact.x_off - contact.x_up,
         "torque": pulley.radius * capacity,
         "omega": scene.transport_rate / pulley.radius * capacity / b1,
-    }[pulley.drive]
-    given = getattr(pulley, pulley.drive)
-    missed = abs(getattr(contact, pulley.drive) - given) / unit
-    unknown = ROUNDING * max(b1 / capacity, abs(given) / unit)
+    }[drive.kind]
+    missed = abs(getattr(contact, drive.kind) - drive.value) / unit
+    unknown = ROUNDING * max(b1 / capacity, abs(drive.value) / unit)
     return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 
