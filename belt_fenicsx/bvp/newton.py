@@ -17,8 +17,8 @@ from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp.problem import SAME, Problem, linearised, placed_at, places
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 ORDER = 4  # of collocation with three Lobatto points
 COARSE, FINEST = 12, 2048  # intervals of the first mesh, and at most

@@ -83,7 +83,7 @@ def part_left(change: float, change_before: float) -> float:
 
 def _known(scene: Scene, state: State) -> float:
     """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive.kind == "omega" else 0.0)
 
 
 def rounding(scene: Scene, state: State) -> float:

@@ -37,8 +37,9 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.certificate import certified
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 HIGHEST = 14
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it mostly reaches

@@ -93,8 +93,8 @@ class Iteration:
             "R": pulley.radius, "mu": pulley.friction,
             "x_trans": 0.0 if pulley.x_trans is None or isinstance(pulley.x_trans, str) else
                 pulley.x_trans - pulley.center[0],
-            "elongation_given": pulley.omega * pulley.radius - 1.0 if pulley.drive == "omega" else 0.0,
-            "force_given": -pulley.torque / pulley.radius if pulley.drive == "torque" else 0.0,
+            "elongation_given": pulley.omega * pulley.radius - 1.0 if pulley.drive.kind == "omega" else 0.0,
+            "force_given": -pulley.torque / pulley.radius if pulley.drive.kind == "torque" else 0.0,
         }  # fmt: skip
         self._constants[:] = [given[name] for name in CONSTANTS]
         self._radius, self._square = pulley.radius, np.longdouble(pulley.radius) ** 2

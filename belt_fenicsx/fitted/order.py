@@ -132,7 +132,7 @@ def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | Non
         contact = [*parts[1 : index + 1], turned, *parts[index + 1 : -1]]
         ends = np.sort(np.append(state.ends, sigma[right[-1]]))
         return Change("zones in which sliding turns", ordered(scene, contact), ends)
-    if scene.pulleys[0].drive == "x_trans":
+    if scene.pulleys[0].drive.kind == "x_trans":
         return None
     return Change(
         "zones that slide in the other sense",
@@ -160,7 +160,7 @@ def transition(scene: Scene, stick: State, sense: float, ahead: float) -> float 
     sigma, p, f, _ = (np.concatenate(columns) for columns in zip(*(along(stick, i) for i in zone), strict=True))
     more = f + sense * scene.pulleys[0].friction * p
     steps = np.diff(sigma) * (more[1:] + more[:-1]) / 2
-    if scene.pulleys[0].drive == "omega":
+    if scene.pulleys[0].drive.kind == "omega":
         # The belt behind is longer by its stretch, which the whole belt makes good.
         steps *= 0.5 - (sigma[1:] + sigma[:-1]) / (2 * scene.belt.length)
     reach = np.maximum.accumulate(np.append(0.0, -np.sign(ahead) * np.cumsum(steps[::-1])))

@@ -11,8 +11,8 @@ from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import taut_string
 
 

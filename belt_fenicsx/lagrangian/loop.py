@@ -34,8 +34,9 @@ from belt_fenicsx.lagrangian.tolerances import Tolerances
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
 
 logger = logging.getLogger(__name__)
 

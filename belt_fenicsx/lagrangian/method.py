@@ -29,8 +29,9 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.certificate import certified, check_transition
-from belt_fenicsx.solution.solution import Solution, Stage, Status
-from belt_fenicsx.solution.stages import Stages
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage, Stages
+from belt_fenicsx.solution.status import Status
 
 TOLERANCES = Tolerances()
 
@@ -95,9 +96,9 @@ def solve(
 
 def _check_drive(scene: Scene) -> None:
     pulley = scene.pulleys[0]
-    if pulley.drive != "x_trans":
+    if pulley.drive.kind != "x_trans":
         expected = f"be left out with the method {NAME}, which needs `x_trans`"
-        raise SceneError(f"pulleys.0.{pulley.drive}", expected, getattr(pulley, pulley.drive))
+        raise SceneError(f"pulleys.0.{pulley.drive.kind}", expected, pulley.drive.value)
 
 
 def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:

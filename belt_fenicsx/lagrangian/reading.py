@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import FREE, STICK, Part
 from belt_fenicsx.scene.pulley import RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Contact, Zone
 
 FORWARD, BACKWARD, SMOOTH = Part("slip", "forward"), Part("slip", "backward"), Part("slip")
 # Arrays hold the parts' numbers in this table: words take six times the memory, and four times as long.
@@ -124,15 +123,14 @@ def _contact(
         D_trans = float(np.average(state.D[stuck], weights=state.weight[stuck]))
     else:
         D_trans = float(np.hypot(*path(sigma_trans, 1)))
-    up, off = path([touching[0].sigma[0], touching[-1].sigma[1]]) - np.asarray(pulley.center)
-    return Contact(
+    (_, up), (_, off) = path([touching[0].sigma[0], touching[-1].sigma[1]]).tolist()
+    return Contact.from_zones(
+        touching,
+        pulley,
         omega=scene.transport_rate * D_trans / pulley.radius,
-        x_up=touching[0].x[0],
-        x_trans=x_trans,
-        x_off=touching[-1].x[1],
         torque=float(-pulley.radius * np.sum(state.weight * f)),
-        wrap_angle=math.atan2(*off) - math.atan2(*up),
-        zones=touching,
+        y=(up, off),
+        x_trans=x_trans,
     )
 
 

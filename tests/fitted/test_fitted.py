@@ -23,7 +23,8 @@ from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.sweeps.sweep import sweep
 from belt_fenicsx.taut_string.string import taut_string
 

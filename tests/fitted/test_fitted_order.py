@@ -20,7 +20,7 @@ from belt_fenicsx.layout.layout import ordered, posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Status
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import taut_string
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
