@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from belt_fenicsx.scene.pulley import Pulley
     from belt_fenicsx.scene.scene import Scene
     from belt_fenicsx.solution import plot
-    from belt_fenicsx.solution.solution import Solution, SolveError, Status
+    from belt_fenicsx.solution.solution import Solution
+    from belt_fenicsx.solution.status import SolveError, Status
     from belt_fenicsx.solver import solve
     from belt_fenicsx.sweeps.sweep import Sweep, sweep
 
@@ -27,8 +28,8 @@ _HOMES = {
     "Scene": "scene.scene",
     "SceneError": "scene.checks",
     "Solution": "solution.solution",
-    "Status": "solution.solution",
-    "SolveError": "solution.solution",
+    "Status": "solution.status",
+    "SolveError": "solution.status",
     "load_scene": "scene.file",
     "solve": "solver",
     "sweep": "sweeps.sweep",

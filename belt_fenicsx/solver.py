@@ -1,4 +1,4 @@
-"""The front door: what is checked before anything is set up, which method answers, and which one helps it out."""
+"""Before all methods: what is checked first, which one answers, and which one helps it out."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from belt_fenicsx.scene.checks import (
     whole_number,
 )
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import BLIND, Solution, Status, finish
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages
+from belt_fenicsx.solution.status import BLIND, Status, finish
 from belt_fenicsx.taut_string.hints import hints
 from belt_fenicsx.taut_string.straight import straight_belt, touches
 
@@ -121,7 +122,7 @@ def answer(
     if not touches(scene):
         return finish(straight_belt(scene, method), throw=throw)
     checked |= {"comm": comm, "initial": initial}
-    with interrupts.held():
+    with interrupts.defer():
         solution = _solved(scene, method, **checked)
         if row.helper and solution.status in UNFINISHED:
             solution = _helped(scene, method, row.helper, solution, checked)

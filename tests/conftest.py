@@ -36,7 +36,9 @@ def shared_meshes():
     """Lets ranks share small meshes, too, so that tests of a moment see what they do together."""
     with pytest.MonkeyPatch.context() as patch:
         if SIZE > 1:
-            patch.setattr("belt_fenicsx.lagrangian.method.SHARED", 1)
+            from belt_fenicsx.lagrangian.tolerances import Tolerances
+
+            patch.setattr("belt_fenicsx.lagrangian.method.TOLERANCES", Tolerances(shared=1))
         yield
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dolfinx import fem, mesh
     from mpi4py import MPI
 
-Array = np.ndarray
+Array = np.ndarray[Any, np.dtype[Any]]
 
 try:
     import basix.ufl as basix_ufl

@@ -17,7 +17,7 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Held:
+class Deferral:
     """What takes signals as long as they are held back.
 
     Args:
@@ -40,34 +40,34 @@ class Held:
 
 
 # `signal.getsignal` takes longer than anything else between two stages of a small solve.
-HOLD: ContextVar[Held | None] = ContextVar("HOLD", default=None)
+DEFERRAL: ContextVar[Deferral | None] = ContextVar("DEFERRAL", default=None)
 
 
 @contextlib.contextmanager
-def held() -> Iterator[None]:
+def defer() -> Iterator[None]:
     """Holds signals back until its block ends, or `check` is called in it.
 
     Python's signals come to the main thread alone; elsewhere, and within another such block, there is nothing to do.
     Signals without a handler in Python end the process at once, and those that are ignored stay so.
     """
-    if HOLD.get() or threading.current_thread() is not threading.main_thread():
+    if DEFERRAL.get() or threading.current_thread() is not threading.main_thread():
         yield
         return
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
-    hold = Held({number: handler for number, handler in handlers.items() if callable(handler)})
-    token = HOLD.set(hold)
+    deferral = Deferral({number: handler for number, handler in handlers.items() if callable(handler)})
+    token = DEFERRAL.set(deferral)
     try:
-        for number in hold.handlers:
-            signal.signal(number, hold)
+        for number in deferral.handlers:
+            signal.signal(number, deferral)
         yield
     finally:
-        HOLD.reset(token)
-        for number, handler in hold.handlers.items():
+        DEFERRAL.reset(token)
+        for number, handler in deferral.handlers.items():
             signal.signal(number, handler)
-        hold.deliver()
+        deferral.deliver()
 
 
 def check() -> None:
     """Lets a signal through that was held back; called where a solve can end without harm."""
-    if hold := HOLD.get():
-        hold.deliver()
+    if deferral := DEFERRAL.get():
+        deferral.deliver()

@@ -8,7 +8,7 @@ import pickle
 import sys
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from belt_fenicsx.backend import interrupts
 from belt_fenicsx.scene.checks import SceneError, Verbatim
@@ -61,7 +61,8 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
     """
     if comm.size == 1:
         return ask()
-    result, text, error = None, "", None
+    result: Any = None
+    text, error = "", None
     try:
         result = ask()
         text = told(result)
@@ -74,7 +75,8 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
     if others:
         expected = "be the same on all ranks that solve it together, as must be all other arguments"
         raise SceneError("scene", expected, Verbatim(f"others than rank 0 on rank {', '.join(others)}"))
-    return result
+    # Without an error, there is one.
+    return cast(T, result)
 
 
 def _all_come(comm: MPI.Comm) -> None:

@@ -16,8 +16,8 @@ from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.pulley import Slip as Sense
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import taut_string
 
 CONTINUATIONS = (  # stiffnesses on the way, over the belt's

@@ -27,8 +27,8 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.pulley import Slip as Sense
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 MET = 1e-13  # how closely pure stick or slip has to meet a given speed or torque: rounding in stretch and in b1 R
 FINE, FINELY = 96, 1e-10  # intervals, and end of Newton's iteration, for the capacity
@@ -88,7 +88,7 @@ def _ends(run: Run, stick: State, i: int, sense: int) -> list[float]:
     behind = (np.interp(back, sigma, tension) - tension) / growth
     mean = (np.interp(back, sigma, whole) - whole - tension * (back - sigma)) / growth + (0.5 - back) * behind
     ahead = _ahead(run, stick)
-    change = -mean if run.scene.pulleys[0].drive == "omega" else behind
+    change = -mean if run.scene.pulleys[0].drive.kind == "omega" else behind
     change *= math.copysign(1.0, ahead) / (1.0 + mean / strain)
     end = float(np.interp(-abs(ahead), -change[: fine.size], sigma[: fine.size]))
     if end > borders[0]:
@@ -132,14 +132,14 @@ def meets(run: Run, state: State) -> bool:
         Stopped: The torque is beyond what sliding all along transmits.
     """
     pulley, sense = run.scene.pulleys[0], state.order.senses[0]
-    if pulley.drive == "x_trans" or pulley.friction == 0.0 or state.order.transition is not None:
+    if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 or state.order.transition is not None:
         return True
     ahead = sense * _ahead(run, state)
     if sense == STICK:
         return abs(_ahead(run, state)) <= MET
     if ahead <= MET:
-        return pulley.drive == "omega" or ahead >= -MET
-    if pulley.drive == "torque":
+        return pulley.drive.kind == "omega" or ahead >= -MET
+    if pulley.drive.kind == "torque":
         _check_capacity(run, state)
     return False
 
@@ -167,14 +167,14 @@ def _check_capacity(run: Run, slip: State) -> None:
 def _ahead(run: Run, state: State) -> float:
     """By how much a state's speed or torque falls short of the given one, in units of stretch and of b1 R."""
     pulley = run.scene.pulleys[0]
-    if pulley.drive == "omega":
+    if pulley.drive.kind == "omega":
         return pulley.radius * pulley.omega - grip(state.problem, state.discrete)[0]
     return (pulley.torque - torque(state.problem, state.discrete)) / pulley.radius
 
 
 def _sense(run: Run, stick: State) -> int:
     """Sense of the sliding that a drive asks for, from pure stick."""
-    return 1 if (_ahead(run, stick) < 0.0) == (run.scene.pulleys[0].drive == "omega") else -1
+    return 1 if (_ahead(run, stick) < 0.0) == (run.scene.pulleys[0].drive.kind == "omega") else -1
 
 
 def _searched(run: Run, stick: State) -> State:
@@ -210,7 +210,7 @@ def _searched(run: Run, stick: State) -> State:
 
 def _turned(run: Run, slip: State) -> State | None:
     """An answer next to pure slip, if sliding turns next to the run-off there and nowhere else."""
-    if run.scene.pulleys[0].drive == "omega":
+    if run.scene.pulleys[0].drive.kind == "omega":
         state = ordered(run, slip)
         return state if answers(run, state) else None
     (sense,), (first, last) = slip.order.senses, slip.problem.borders(slip.discrete.p)[1:-1]

@@ -29,8 +29,9 @@ from belt_fenicsx.bvp.order import STICK, Order, asked, pose
 from belt_fenicsx.bvp.reading import FIELDS, answer, changes, field_errors, plausible, seen
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.certificate import certified
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 METHOD = "bvp"
 MESHES = (COARSE, 8 * COARSE)  # on which the order of the zones is found
@@ -114,7 +115,7 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
 
 def _missed(run: Run, end: Refined, rtol: float) -> str:
     """What is less accurate than wanted."""
-    asked_for = "the torque" if run.scene.pulleys[0].drive == "omega" else "omega"
+    asked_for = "the torque" if run.scene.pulleys[0].drive.kind == "omega" else "omega"
     worst = int(np.argmax(end.errors / _wanted(rtol)))
     return (
         f"On {end.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
@@ -156,7 +157,7 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
     """An answer on the coarse mesh from a given one; None where there is none."""
     pulley = run.scene.pulleys[0]
     near = None if initial is None else _near(run, initial)
-    if near is None or (pulley.drive == "x_trans" and not _asked_for(asked(pulley), near.order)):
+    if near is None or (pulley.drive.kind == "x_trans" and not _asked_for(asked(pulley), near.order)):
         run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
     coarse = run.converged(near, "warm start")
@@ -192,14 +193,14 @@ def _asked_for(wanted: Order, order: Order) -> bool:
 def _cold(run: Run) -> State:
     """An answer on the coarse mesh, from the taut string."""
     pulley = run.scene.pulleys[0]
-    return placed(run) if pulley.drive == "x_trans" or pulley.friction == 0.0 else driven(run)
+    return placed(run) if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 else driven(run)
 
 
 def _refined(run: Run, state: State, rtol: float) -> tuple[State, Refined]:
     """The answer as accurate as wanted."""
     change = functools.partial(changes, run.scene)
     # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
-    closer = CLOSER if run.scene.pulleys[0].drive == "x_trans" else 0.0
+    closer = CLOSER if run.scene.pulleys[0].drive.kind == "x_trans" else 0.0
     while True:
         end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work, closer=closer)
         fine = end.discrete

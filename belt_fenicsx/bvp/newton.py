@@ -15,10 +15,10 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.interpolate import PPoly
 
-from belt_fenicsx.bvp.problem import SAME, Problem, placed_at, places
+from belt_fenicsx.bvp.problem import SAME, Problem, linearised, placed_at, places
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 ORDER = 4  # of collocation with three Lobatto points
 COARSE, FINEST = 12, 2048  # intervals of the first mesh, and at most
@@ -146,34 +146,33 @@ def newton(
     does not get there; but neither does it pass them on its way, which is a detour where all is well.
     """
     jacobians = 0
-    lengths = Lengths(len(problem.zones) - 1) if positive else None
-
-    def borders(q: Array) -> Array:
-        return q if lengths is None else lengths.borders(q)
-
-    def chained(J: Array, q: Array) -> Array:
-        return J if lengths is None else np.moveaxis(np.moveaxis(J, 1, -1) @ lengths.gradient(q), -1, 1)
+    lengths = Lengths(len(problem.zones) - 1 if positive else 1)
 
     def rate(x: Array, y: Array, q: Array) -> Array:
-        return problem.rate(x, y, borders(q), start.widths)
+        return problem.rate(x, y, lengths.borders(q), start.widths)
 
     def rate_jacobian(x: Array, y: Array, q: Array) -> tuple[Array, Array]:
         nonlocal jacobians
         jacobians += 1
-        dy, dp = problem.rate_jacobian(x, y, borders(q), start.widths)
-        return dy, chained(dp, q)
+        p, gradient = linearised(lengths.borders, q)
+        dy, dp = problem.rate_jacobian(x, y, p, start.widths)
+        return dy, np.einsum("nkm,kq->nqm", dp, gradient)
+
+    def residual(first: Array, last: Array, q: Array) -> Array:
+        return problem.residual(first, last, lengths.borders(q))
 
     def residual_jacobian(first: Array, last: Array, q: Array) -> tuple[Array, Array, Array]:
-        *dy, dp = problem.residual_jacobian(first, last, borders(q))
-        return (*dy, chained(dp, q))
+        p, gradient = linearised(lengths.borders, q)
+        *dy, dp = problem.residual_jacobian(first, last, p)
+        return (*dy, dp @ gradient)
 
-    mesh, y, residual = start.mesh, start.y, math.inf
-    q = start.p if lengths is None else lengths.logarithms(start.p)
+    mesh, y, missed = start.mesh, start.y, math.inf
+    q = lengths.logarithms(start.p)
     for _ in range(rounds):
         # Without room for more nodes, solve_bvp gives back what it has on this mesh.
         result = solve_bvp(
             rate,
-            lambda first, last, q: problem.residual(first, last, borders(q)),
+            residual,
             mesh,
             y,
             q,
@@ -184,12 +183,12 @@ def newton(
             max_nodes=mesh.size,
         )
         y, q = result.y, result.p
-        p = borders(q)
-        before, residual = residual, _residual(problem, replace(start, y=y, p=p), result.yp)
-        if residual <= tolerance or not math.isfinite(residual) or (residual <= NEWTON and residual > before / 2.0):
+        p = lengths.borders(q)
+        before, missed = missed, _residual(problem, replace(start, y=y, p=p), result.yp)
+        if missed <= tolerance or not math.isfinite(missed) or (missed <= NEWTON and missed > before / 2.0):
             break
     # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
-    return replace(start, y=y, p=p, between=result.sol, residual=residual, iterations=jacobians // 2)
+    return replace(start, y=y, p=p, between=result.sol, residual=missed, iterations=jacobians // 2)
 
 
 @dataclass(frozen=True)
@@ -197,7 +196,7 @@ class Lengths:
     """Logarithms of the lengths of zones on the pulley, in the place of all borders but the first.
 
     Attributes:
-        count: Number of borders.
+        count: Number of borders; 1 leaves all parameters as they are.
     """
 
     count: int
@@ -207,14 +206,9 @@ class Lengths:
         return np.array([p[0], *np.log(np.diff(p[: self.count])), *p[self.count :]])
 
     def borders(self, q: Array) -> Array:
-        """Parameters from unknowns ``(k,)``."""
-        return np.array([*np.cumsum([q[0], *np.exp(q[1 : self.count])]), *q[self.count :]])
-
-    def gradient(self, q: Array) -> Array:
-        """Derivatives of the parameters with respect to the unknowns ``(k, k)``."""
-        gradient, n = np.eye(q.size), self.count
-        gradient[:n, :n] = np.tril(np.ones((n, n))) * np.array([1.0, *np.exp(q[1:n])])
-        return gradient
+        """Parameters from unknowns ``(k, ...)``."""
+        lengths = np.exp(q[1 : self.count])
+        return np.concatenate([np.cumsum(np.concatenate([q[:1], lengths]), axis=0), q[self.count :]])
 
 
 @dataclass(frozen=True)

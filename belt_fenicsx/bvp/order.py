@@ -28,7 +28,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Zone
+from belt_fenicsx.solution.contact import Zone
 
 STICK = 0
 NOTHING = 1e-12  # length of a zone that has shrunk to nothing, in belt lengths
@@ -115,9 +115,9 @@ def _conditions(order: Order, pulley: Pulley, rod: Rod) -> Iterator[Condition]:
             yield Condition(((*end, component(5)), (transition + 1, LAST, component(5, -1.0))))
         elif order.longest:
             yield Condition(((*end, onset(rod, Slip(-following * pulley.friction))),))
-        elif pulley.drive == "x_trans":
+        elif pulley.drive.kind == "x_trans":
             yield Condition(((*end, component(0)),), pulley.x_trans)
-        elif pulley.drive == "omega":
+        elif pulley.drive.kind == "omega":
             yield Condition(((*end, component(5)),), rod.radius * pulley.omega)
         else:
             on_pulley = (1, FIRST, moment(rod, 1.0)), (len(order.senses), LAST, moment(rod, -1.0))
@@ -162,7 +162,7 @@ def _broken(
             found = _bound(order, borders, i, pulley, sigma, friction, pulley.friction * pressure)
         elif order.transition is not None:
             found = _turn(order, borders, i, sigma, stretches[i] - stretches[order.transition][LAST], slack)
-        elif pulley.drive == "omega" and pulley.friction > 0.0:
+        elif pulley.drive.kind == "omega" and pulley.friction > 0.0:
             found = _turn(order, borders, i, sigma, stretches[i] - problem.rod.radius * pulley.omega, slack)
         if found is not None:
             return found
@@ -172,7 +172,7 @@ def _broken(
 def _without(order: Order, borders: Array, i: int, pulley: Pulley, how: str) -> Revision:
     """The order without zone ``i``."""
     senses, transition, last = order.senses, order.transition, len(order.senses) - 1
-    placed = pulley.drive == "x_trans" and transition is not None and not order.longest
+    placed = pulley.drive.kind == "x_trans" and transition is not None and not order.longest
     why = f"zone {i + 1} of {order} {how}"
     length = borders[i + 1] - borders[i]
     if length < -NOTHING and i == last == (transition or 0) + 1 and senses[i - 1] == STICK and not placed:
@@ -213,7 +213,7 @@ def _bound(
     if holds[-1] + 1 < sigma.size and not order.longest:
         place, sense = _crossing(sigma, excess, holds[-1]), int(np.sign(f[-1]))
         stuck = order.senses[: i + 1]
-        if pulley.drive != "x_trans":
+        if pulley.drive.kind != "x_trans":
             # The pulley's speed and torque change without a break where backward turns to forward sliding.
             back = min(borders[i + 1] - place, place - borders[i]) / 2.0
             turned = np.array([*borders[: i + 1], place - back, place + back, borders[-1]])

@@ -1,4 +1,4 @@
-"""Zones of the belt stacked to one boundary-value problem on [0, 1], with exact derivatives.
+"""Zones of the belt stacked to one boundary-value problem on [0, 1], with derivatives by complex steps.
 
 Each zone is mapped to [0, 1], so that all of them are solved side by side; their inner borders are unknown parameters.
 Its own map widens its own boundary layers. The bending strain is solved for in units of the inverse shear layer: then
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
-from belt_fenicsx.bvp.equations import Force, Rod, Slip, ZoneEquations
+from belt_fenicsx.bvp.equations import Rod, Slip, ZoneEquations
 from belt_fenicsx.layout.arrays import Array
 
 FIRST, LAST = 0, -1  # ends of a zone
@@ -21,8 +23,27 @@ WIDTH_FREE, WIDTH_CONTACT = 2.0, 4.0  # of the layers of a map, in bending layer
 NARROWEST = 1e-7  # layer of a map, in parts of its zone
 WEIGHT = 1e3  # of the conditions, which are met to more digits than the equations
 SAME = 1.5  # ratio of widths up to which a map is kept
+STEP = 1e-30  # imaginary, of derivatives; its square is far below rounding
 
-StateFunction = Callable[[Array], tuple[float, Array]]
+StateFunction = Callable[[Array], Array]
+
+
+def linearised(function: Callable[..., Array], *arguments: Array) -> tuple[Array, ...]:
+    """Values and derivatives of an analytic function by a complex step, exact but for rounding.
+
+    They are Re f(z + i h) and Im f(z + i h) / h; all directions are one more axis of a single call.
+
+    Args:
+        function: Gives ``(r, ...)`` for arguments ``(n, ...)``, all with the same further axes.
+        arguments: Where.
+
+    Returns:
+        Values ``(r, ...)``, and the derivatives ``(r, n, ...)`` with respect to each argument.
+    """
+    z, ends = np.concatenate(arguments), np.cumsum([len(argument) for argument in arguments[:-1]], dtype=int)
+    steps = 1j * STEP * np.eye(len(z)).reshape(len(z), len(z), *(1 for _ in z.shape[1:]))
+    values = function(*np.split(z[:, None] + steps, ends))
+    return values[:, 0].real, *np.split(values.imag / STEP, ends, axis=1)
 
 
 @dataclass(frozen=True)
@@ -30,7 +51,7 @@ class Condition:
     """A condition at borders: a sum of functions of the state at ends of zones has a given value.
 
     Attributes:
-        terms: Zone, end and function of each; the function returns its value and its gradient ``(6,)``.
+        terms: Zone, end and function of each.
         value: The value of the sum.
     """
 
@@ -40,28 +61,17 @@ class Condition:
 
 def component(index: int, sign: float = 1.0) -> StateFunction:
     """One component of the state x, y, phi, theta, kappa, D."""
-    return lambda state: (sign * state[index], sign * np.eye(6)[index])
+    return lambda state: sign * state[index]
 
 
 def moment(rod: Rod, sign: float) -> StateFunction:
     """Moment of the belt's force and bending about the pulley's centre, on the pulley: M - R Qt."""
-
-    def function(state: Array) -> tuple[float, Array]:
-        force = Force.at(rod, state[3] - state[2], state[5])
-        gradient = np.array([0, 0, rod.radius * force.t_psi, -rod.radius * force.t_psi, rod.a, -rod.radius * force.t_D])
-        return sign * (rod.a * state[4] - rod.radius * force.t), sign * gradient
-
-    return function
+    return lambda state: sign * (rod.a * state[4] - rod.radius * rod.force(state[3] - state[2], state[5])[0])
 
 
 def onset(rod: Rod, slip: Slip) -> StateFunction:
     """Rate of D of sliding; zero where sliding passes into stick with continuous friction."""
-
-    def function(state: Array) -> tuple[float, Array]:
-        rate, J = slip.linearised(rod, state[2:], np.empty(0))
-        return rate[3], np.array([0, 0, *J[3]])
-
-    return function
+    return lambda state: slip.rate(rod, state[2:], np.empty(0))[3]
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,9 @@ class Problem:
         zones: The zones, in the direction of travel.
         conditions: One for each border between zones on the pulley.
         unit: Length that the bending strain is multiplied with among the functions; by default the shear layer.
+        slices: Functions and constants of each zone, in all functions and in the parameters.
+        size: Numbers n of functions and k of parameters.
+        units: What the unknowns are multiplied with among the functions ``(n,)``.
     """
 
     rod: Rod
@@ -83,20 +96,22 @@ class Problem:
     zones: tuple[ZoneEquations, ...]
     conditions: tuple[Condition, ...]
     unit: float = math.nan
+    slices: list[tuple[slice, slice]] = field(init=False, repr=False, compare=False)
+    size: tuple[int, int] = field(init=False, repr=False, compare=False)
+    units: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         rows = np.cumsum([0, *(zone.unknowns for zone in self.zones)])
         constants = len(self.zones) - 1 + np.cumsum([0, *(zone.constants for zone in self.zones)])
-        slices = [(slice(rows[i], rows[i + 1]), slice(constants[i], constants[i + 1])) for i in range(len(self.zones))]
+        slices = [(slice(*own), slice(*fixed)) for own, fixed in zip(pairwise(rows), pairwise(constants), strict=True)]
         object.__setattr__(self, "slices", slices)
         object.__setattr__(self, "size", (int(rows[-1]), int(constants[-1])))
         if math.isnan(self.unit):
             object.__setattr__(self, "unit", self.rod.shear_layer)
-        units = [
-            [1.0, 1.0, 1.0, self.unit] if zone.kind == "free" else [1.0, 1.0, self.unit, 1.0] for zone in self.zones
-        ]
-        units = [part[: zone.unknowns] for zone, part in zip(self.zones, units, strict=True)]
-        object.__setattr__(self, "units", np.concatenate(units))
+        bending = [3 if zone.kind == "free" else 2 for zone in self.zones]
+        units = np.ones(rows[-1])
+        units[rows[:-1] + bending] = self.unit
+        object.__setattr__(self, "units", units)
 
     def borders(self, p: Array) -> Array:
         """All borders of zones, the clamps among them ``(len(zones) + 1,)``."""
@@ -130,70 +145,39 @@ class Problem:
 
     def rate_jacobian(self, xi: Array, y: Array, p: Array, widths: Array) -> tuple[Array, Array]:
         """Derivatives of the rate with respect to ``y`` ``(n, n, m)`` and ``p`` ``(n, k, m)``."""
-        (n, k), m, last = self.size, y.shape[1], len(self.zones) - 1
+        (n, k), m, count = self.size, y.shape[1], len(self.zones)
         dy, dp = np.zeros((n, n, m)), np.zeros((n, k, m))
         lengths, slope = np.diff(self.borders(p)), slopes(widths, xi)
+        by_borders = np.diff(np.eye(count + 1, count - 1, -1), axis=0)  # derivatives of the lengths
         for i, (zone, part, c) in enumerate(self.parts(y, p)):
             rows, constants = self.slices[i]
-            rate, J = zone.linearised(self.rod, part, c)
-            units = self.units[rows]
-            rate *= slope[i] * units[:, None]
-            J *= lengths[i] * slope[i] * units[:, None, None]
-            dy[rows, rows], dp[rows, constants] = J[:, : zone.unknowns] / units[:, None], J[:, zone.unknowns :]
-            if i > 0:
-                dp[rows, i - 1] = -rate
-            if i < last:
-                dp[rows, i] = rate
+            rate, by_y, by_c = linearised(partial(zone.rate, self.rod), part, np.tile(c[:, None], m))
+            units = self.units[rows, None, None]
+            dy[rows, rows] = lengths[i] * slope[i] * units * by_y / units[:, 0]
+            dp[rows, constants] = lengths[i] * slope[i] * units * by_c
+            dp[rows, : count - 1] = slope[i] * units * rate[:, None] * by_borders[i][:, None]
         return dy, dp
 
     def residual(self, first: Array, last: Array, p: Array) -> Array:
-        """Residual of all border conditions ``(n + k,)``."""
+        """Residual of all border conditions ``(n + k, ...)`` at the ends ``(n, ...)``, parameters ``(k, ...)``."""
         states = [[zone.state(self.rod, y, c) for zone, y, c in self.parts(end, p)] for end in (first, last)]
-        clamps = [states[0][0][[0, 1, 3]] + [self.span / 2, 0, 0], states[-1][-1][[0, 1, 3]] - [self.span / 2, 0, 0]]
-        units = np.array([1.0, 1.0, 1.0, 1.0, self.unit, 1.0])
-        joints = [(units * (states[-1][i] - states[0][i + 1]))[self._continuous(i)] for i in range(len(self.zones) - 1)]
-        others = [
-            [
-                WEIGHT
-                * (sum(function(states[end][zone])[0] for zone, end, function in condition.terms) - condition.value)
-            ]
-            for condition in self.conditions
-        ]
-        return np.concatenate([*clamps, *joints, *others])
+        rows = []
+        for (x, y, _, theta, *_), clamp in ((states[FIRST][0], -self.span / 2), (states[LAST][-1], self.span / 2)):
+            rows += [x - clamp, y, theta]
+        for i, (before, behind) in enumerate(zip(states[LAST][:-1], states[FIRST][1:], strict=True)):
+            x, y, phi, theta, kappa, D = before - behind
+            # Between two zones on the pulley, x and y follow from phi.
+            free = "free" in (self.zones[i].kind, self.zones[i + 1].kind)
+            rows += [*([x, y] if free else []), phi, theta, self.unit * kappa, D]
+        for condition in self.conditions:
+            total = sum(function(states[end][zone]) for zone, end, function in condition.terms)
+            rows.append(WEIGHT * (total - condition.value))
+        return np.array(rows)
 
     def residual_jacobian(self, first: Array, last: Array, p: Array) -> tuple[Array, Array, Array]:
         """Derivatives of the residual with respect to both ends ``(n + k, n)`` and ``p`` ``(n + k, k)``."""
-        n, k = self.size
-        J = np.zeros((2, n + k, n)), np.zeros((n + k, k))
-        states = [[zone.linearised_state(self.rod, y, c) for zone, y, c in self.parts(end, p)] for end in (first, last)]
-        row = 0
-
-        def add(zone: int, end: int, weights: Array) -> None:
-            """Adds ``weights`` ``(rows, 6)`` times the derivatives of a state to the next rows."""
-            block = weights @ states[end][zone][1]
-            functions, constants = self.slices[zone]
-            unknowns = self.zones[zone].unknowns
-            J[0][end, row : row + len(weights), functions] += block[:, :unknowns] / self.units[functions]
-            J[1][row : row + len(weights), constants] += block[:, unknowns:]
-
-        unit = np.eye(6)
-        for zone, end in ((0, FIRST), (len(self.zones) - 1, LAST)):
-            add(zone, end, unit[[0, 1, 3]])
-            row += 3
-        for i in range(len(self.zones) - 1):
-            continuous = (unit * [1.0, 1.0, 1.0, 1.0, self.unit, 1.0])[self._continuous(i)]
-            add(i, LAST, continuous)
-            add(i + 1, FIRST, -continuous)
-            row += len(continuous)
-        for condition in self.conditions:
-            for zone, end, function in condition.terms:
-                add(zone, end, WEIGHT * function(states[end][zone][0])[1][None])
-            row += 1
-        return J[0][FIRST], J[0][LAST], J[1]
-
-    def _continuous(self, i: int) -> slice:
-        """What is to be continuous behind zone ``i``: between two zones on the pulley, x and y follow from phi."""
-        return slice(0 if "free" in (self.zones[i].kind, self.zones[i + 1].kind) else 2, 6)
+        _, by_first, by_last, by_p = linearised(self.residual, first, last, p)
+        return by_first, by_last, by_p
 
 
 def places(widths: Array, xi: Array) -> Array:

@@ -12,8 +12,9 @@ from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, moment, placed_at, places
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Contact, Solution, Zone
+from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # intervals of each zone at least, for the fields
 SAMPLES = 97  # places in each zone at which the fields of two meshes are compared
@@ -70,7 +71,7 @@ def torque(problem: Problem, discrete: Discrete) -> float:
         for end, index, sign in ((FIRST, 1, 1.0), (LAST, -2, -1.0))
         for zone, y, c in [problem.parts(discrete.y[:, end], discrete.p)[index]]
     )
-    return float(sum(moment(problem.rod, sign)(state)[0] for state, sign in ends))
+    return float(sum(moment(problem.rod, sign)(state) for state, sign in ends))
 
 
 def samples(problem: Problem, discrete: Discrete, inside: Array) -> Array:
@@ -148,15 +149,12 @@ def answer(
         f=friction,
         v_rel=D - problem.rod.radius * omega,
     )
-    stuck = [zone for zone in zones if zone.kind == "stick"] or zones[1:-2]
-    contact = Contact(
+    contact = Contact.from_zones(
+        tuple(zones[1:-1]),
+        scene.pulleys[0],
         omega=omega,
-        x_up=zones[1].x[0],
-        x_trans=stuck[0].x[1] if stuck else zones[1].x[0],
-        x_off=zones[-2].x[1],
         torque=torque(problem, discrete),
-        wrap_angle=float(columns[3, 1, FIRST] - columns[3, -2, LAST]),
-        zones=tuple(zones[1:-1]),
+        y=(float(columns[2, 1, FIRST]), float(columns[2, -2, LAST])),
     )
     return contact, tuple(zones), fields
 

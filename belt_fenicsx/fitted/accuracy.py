@@ -17,7 +17,7 @@ from belt_fenicsx.fitted.elements import gauss_weights
 from belt_fenicsx.fitted.reading import pulley_speed
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import shear_layer
+from belt_fenicsx.layout.layers import LEAST_STRAIN, shear_layer
 from belt_fenicsx.scene.scene import Scene
 
 # Part of the change by the last degree that is left as error, at most; and in units of the factor by which the change
@@ -64,15 +64,26 @@ def error_of_known(
         change: Change of the pressure by the last degree.
         change_before: That by the degree before; zero where there is none.
     """
-    left = min(LEFT, GAIN * change / change_before) if change_before else LEFT
+    left = part_left(change, change_before)
     # Relative to a stretch of the belt: a pulley that stands still has no speed.
     by_known = left * abs(_known(scene, state) - _known(scene, before)) / state.D_stick
     return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
 
 
+def error_of_torque(scene: Scene, before: State, state: State, change: float, change_before: float) -> float:
+    """Estimated error of the torque beyond rounding, relative to the radius times the tension before the pulley."""
+    missed = part_left(change, change_before) * abs(state.friction_force - before.friction_force)
+    return max(missed - rounding(scene, state), 0.0) / max(state.D_stick - 1.0, LEAST_STRAIN)
+
+
+def part_left(change: float, change_before: float) -> float:
+    """Part of what the last degree changed that is left as error of what is asked for."""
+    return min(LEFT, GAIN * change / change_before) if change_before else LEFT
+
+
 def _known(scene: Scene, state: State) -> float:
     """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive == "omega" else 0.0)
+    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive.kind == "omega" else 0.0)
 
 
 def rounding(scene: Scene, state: State) -> float:

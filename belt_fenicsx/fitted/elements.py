@@ -50,13 +50,19 @@ def gauss_weights(degree: int) -> Array:
 
 def nodal_basis(degree: int, at: Array) -> tuple[Array, Array]:
     """Polynomials through the nodes, and their derivatives, at points ``(m,)``: two arrays ``(m, k + 1)``."""
-    values, slopes = _nodal(degree).tabulate(1, at[:, None])[..., 0]
+    values, slopes = _tabulated(_nodal(degree), 1, at)
     return values, slopes
 
 
 def gauss_basis(degree: int, at: Array) -> Array:
     """Polynomials through the Gauss points at points ``(m,)``: ``(m, k)``."""
-    return np.asarray(_traction(degree).tabulate(0, at[:, None])[0, ..., 0])
+    return _tabulated(_traction(degree), 0, at)[0]
+
+
+def _tabulated(element: Any, order: int, at: Array) -> Array:
+    """An element's polynomials and their derivatives, up to an order, at points ``(order + 1, m, dim)``."""
+    # Where there is no point, Basix 0.5 ends the process.
+    return element.tabulate(order, at[:, None])[..., 0] if at.size else np.empty((order + 1, 0, element.dim))
 
 
 @functools.cache

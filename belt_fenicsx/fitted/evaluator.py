@@ -17,8 +17,8 @@ from belt_fenicsx.layout.layout import ordered
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
+from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Zone
 
 if TYPE_CHECKING:
     from belt_fenicsx.fitted.state import State

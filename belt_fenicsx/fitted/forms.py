@@ -147,7 +147,7 @@ def residual(
     belt = belt_of(unknown, u, cell)
     # Two integrals, each with one integrand: UFL's work for each of them is what a first solve waits for.
     inside = equilibrium(unknown, u, v, belt, cell, stiffness) + contact_conditions(u, v, belt, on, cell)
-    return inside * at_gauss_points + border_conditions(u, v, belt, on, cell, friction) * at_ends
+    return inside * at_gauss_points + border_conditions(u, v, belt, on, cell, stiffness, friction) * at_ends
 
 
 def belt_of(unknown: ufl.Coefficient, u: Unknowns, cell: SimpleNamespace) -> Belt:
@@ -193,35 +193,37 @@ def contact_conditions(u: Unknowns, v: Unknowns, belt: Belt, on: SimpleNamespace
     and the part of the equation for the resultant of friction that is an integral, int f dsigma.
     """
     lies = v.p * on.touch * contact.penetration_near(belt.place, belt.deviation, radius=cell.R, excess=belt.excess)
-    slides = (on.touch - on.stick) * _coulomb(u, on, cell)
+    slides = (on.touch - on.stick) * (u.f + on.sense * cell.mu * u.p)
     return lies + v.f * (on.stick * (belt.e - u.e) + slides) + v.e * on.force * on.touch * u.f * belt.length
 
 
 def border_conditions(
-    u: Unknowns, v: Unknowns, belt: Belt, on: SimpleNamespace, cell: SimpleNamespace, friction: bool
+    u: Unknowns,
+    v: Unknowns,
+    belt: Belt,
+    on: SimpleNamespace,
+    cell: SimpleNamespace,
+    stiffness: SimpleNamespace,
+    friction: bool,
 ) -> Expr:
-    """What places each border, and what the stretch in stick follows from: one for each scalar,
+    """What places each border, and what the stretch in stick follows from: one equation for each scalar.
 
     run-up, run-off   (r - C).t = 0: no concentrated force
-    others            x = x_trans,  D_stick = R omega / c,  f = -s mu p  or  D = D_stick
-    D_stick           D = D_stick  where the belt grips the pulley, or  int f dsigma = -torque / R.
+    other borders     x = x_trans,  D_stick = R omega / c,  D = D_stick  or  f = -s mu p, of the stick next to it
+    stretch in stick  D = D_stick  where the belt grips the pulley  or  int f dsigma = -torque / R
     """
     borders = v.sigma * on.tangent * ufl.dot(belt.r, belt.t)
     stretch = v.e * on.grip * (1 - on.force) * (belt.e - u.e)
     if not friction:
         return borders + stretch
+    p, f = rod.tractions(belt.strains, 1 + belt.e, radius=cell.R, b1=stiffness.b1, b2=stiffness.b2)
     borders += v.sigma * (
         on.x * (belt.r[0] - cell.given)
         + on.speed * (u.e - cell.given)
-        + on.coulomb * _coulomb(u, on, cell)
+        + on.coulomb * (f + on.sense * cell.mu * p)
         + on.hold * (belt.e - u.e)
     )
     return borders + stretch - v.e * on.grip * on.force * cell.given
-
-
-def _coulomb(u: Unknowns, on: SimpleNamespace, cell: SimpleNamespace) -> Expr:
-    """f + s mu p, with s = +1 where the belt slides forward and -1 backward (18.16)."""
-    return u.f + on.sense * cell.mu * u.p
 
 
 def _named(names: tuple[str, ...], values: Expr) -> SimpleNamespace:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from belt_fenicsx.fitted.accuracy import change_of_pressure, error_of_known, errors_of_fields, rounding
+from belt_fenicsx.fitted.accuracy import change_of_pressure, error_of_known, error_of_torque, errors_of_fields, rounding
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.evaluator import Evaluator
 from belt_fenicsx.fitted.newton import newton
@@ -37,8 +37,9 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.certificate import certified
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 
 HIGHEST = 14
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # the degree, by the rtol that it mostly reaches
@@ -46,6 +47,7 @@ CLOSE = 3e-4  # largest step of a border, in lengths of the shortest cell, after
 # Belt lengths, of a cell. One step from the degree before leaves an error of second order in what the degree changes in
 # a layer. Where layers are thin, it can be as large as what the degree leaves.
 SHORT = 0.012
+OF_TORQUE = 100.0  # estimated error of the torque that goes with an rtol; the true one is a tenth of it, or less
 BREACH = 1e-3  # of a bound, relative to its largest value, that a coarse state may show by its error, at least
 COARSEST = 1e-2  # error of the pressure, relative to the largest, with which a state is judged
 TOLERANCE = 1e-6  # of the certificate; what low degrees leave of the inequalities stays below a tenth of it
@@ -122,7 +124,7 @@ def solved(run: Run, ways: Sequence[Start], rtol: float, degree: int | None) -> 
         message=missed,
         error_estimate=result.error,
         field_errors=result.errors_of_fields,
-        measures={"change of p": result.change_of_p},
+        measures={"change of p": result.change_of_p, "error of torque": result.error_of_torque},
         state=result.state,
         evaluator=Evaluator.of(scene, found_there["zones"], result.state),
         **found_there,
@@ -142,12 +144,14 @@ class Result:
     Attributes:
         state: The state.
         error: Estimated relative error of its angular velocity.
+        error_of_torque: That of its torque, relative to the radius times the tension.
         errors_of_fields: Those of its fields, relative to their largest values.
         change_of_p: Largest change of its pressure by the last degree, relative to the largest pressure.
     """
 
     state: State
     error: float
+    error_of_torque: float
     errors_of_fields: Mapping[str, float]
     change_of_p: float
 
@@ -155,6 +159,9 @@ class Result:
         """What is not as accurate as wanted; empty where all is."""
         if self.error > rtol:
             return f"The angular velocity is known to {self.error:.1g} of itself, {rtol:.1g} was asked for."
+        if self.error_of_torque > OF_TORQUE * rtol:
+            reached = f"{self.error_of_torque:.1g} of the radius times the tension"
+            return f"The torque is known to {reached}, {OF_TORQUE * rtol:.1g} goes with rtol {rtol:.1g}."
         worst = max(self.errors_of_fields, key=lambda name: self.errors_of_fields[name])
         if self.errors_of_fields[worst] > of_fields(rtol):
             reached = f"{self.errors_of_fields[worst]:.1g} of its largest value"
@@ -216,10 +223,12 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
         if (p := state.values[:, local(k).p]).min() < -NEGATIVE * p.max():
             raise Stopped(Status.NOT_ADMISSIBLE, _lifted(run, state))
         change = change_of_pressure(start, state)
-        known, error, errors = False, math.inf, {}
+        known, error, of_torque, errors = False, math.inf, math.inf, {}
         if k >= last:
             error = error_of_known(run.scene, before, start, state, change, change_before)
-            known = error <= max(rtol, rounding(run.scene, state)) and change <= COARSEST
+            of_torque = error_of_torque(run.scene, before, state, change, change_before)
+            known = error <= max(rtol, rounding(run.scene, state)) and of_torque <= OF_TORQUE * rtol
+            known = known and change <= COARSEST
         if known or k >= (degree or HIGHEST):
             errors = errors_of_fields(run.scene, before, state, change, change_before)
             known = known and max(errors.values()) <= of_fields(rtol)
@@ -235,11 +244,11 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
                 continue
             if state.mesh.zones != zones:
                 # What is known of the error is that of other zones.
-                change_before, error = 0.0, math.inf
+                change_before, error, of_torque = 0.0, math.inf, math.inf
                 continue
         if final:
             break
-    return Result(state, error, errors, change)
+    return Result(state, error, of_torque, errors, change)
 
 
 def _lifted(run: Run, state: State) -> str:

@@ -210,7 +210,8 @@ class Iteration:
         if shortening > LARGEST_STEP:
             step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
         self.ends = self.ends + way
-        self.values[:, self._length] = (self.ends[1:] - self.ends[:-1])[self._zone] * self._share
+        # Not from the new ends: what their rounding takes from the length of a short zone would be a strain there.
+        self.values[:, self._length] += (way[1:] - way[:-1])[self._zone] * self._share
         return step, shortening
 
     def _move_nodes(self, step: Array, *, bent: bool) -> None:

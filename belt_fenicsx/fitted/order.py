@@ -57,7 +57,8 @@ def change(scene: Scene, state: State, error: float) -> Change | None:
     if pulley.friction == 0.0:
         return None
     for index, part in enumerate(parts[1:-1], start=1):
-        found = (_held if part == STICK else _slid)(scene, state, index, error)
+        look = _held if part == STICK else _turned if index == state.mesh.zones.transition else _slid
+        found = look(scene, state, index, error)
         if found is not None:
             return found
     return None
@@ -95,6 +96,25 @@ def _sliding(sense: float) -> Part:
     return Part("slip", "forward" if sense > 0.0 else "backward")
 
 
+def _turned(scene: Scene, state: State, index: int, breach: float) -> Change | None:
+    """Stick where sliding turns though friction could hold the belt: before, it slides against its sense for a while.
+
+    That while is as short as the stick zone, and the speeds in it are as small, so that these do not show it.
+    """
+    parts, cells, dense = state.mesh.zones.parts, state.mesh.cells(index), state.dense
+    p, f = state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])
+    sigma, bound = dense.sigma[cells].ravel(), scene.pulleys[0].friction * p.ravel()
+    excess, last = np.abs(f.ravel()) - bound, sigma.size - 1
+    if not parts[index + 1].touches or excess[last] >= -breach * np.max(bound):
+        return None
+    held = int(np.max(np.flatnonzero(excess > 0.0), initial=0))
+    place = np.interp(0.0, -excess[held : held + 2], sigma[held : held + 2])
+    place = max(place, sigma[last] - FURTHEST * (sigma[last] - sigma[0]))
+    contact = [*parts[1 : index + 1], STICK, *parts[index + 1 : -1]]
+    why = "sliding that turns where friction could hold the belt"
+    return Change(why, ordered(scene, contact), np.insert(state.ends, index + 1, place))
+
+
 def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | None:
     """The other sense of sliding, from where the belt has the pulley's speed again."""
     parts = state.mesh.zones.parts
@@ -112,7 +132,7 @@ def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | Non
         contact = [*parts[1 : index + 1], turned, *parts[index + 1 : -1]]
         ends = np.sort(np.append(state.ends, sigma[right[-1]]))
         return Change("zones in which sliding turns", ordered(scene, contact), ends)
-    if scene.pulleys[0].drive == "x_trans":
+    if scene.pulleys[0].drive.kind == "x_trans":
         return None
     return Change(
         "zones that slide in the other sense",
@@ -140,7 +160,7 @@ def transition(scene: Scene, stick: State, sense: float, ahead: float) -> float 
     sigma, p, f, _ = (np.concatenate(columns) for columns in zip(*(along(stick, i) for i in zone), strict=True))
     more = f + sense * scene.pulleys[0].friction * p
     steps = np.diff(sigma) * (more[1:] + more[:-1]) / 2
-    if scene.pulleys[0].drive == "omega":
+    if scene.pulleys[0].drive.kind == "omega":
         # The belt behind is longer by its stretch, which the whole belt makes good.
         steps *= 0.5 - (sigma[1:] + sigma[:-1]) / (2 * scene.belt.length)
     reach = np.maximum.accumulate(np.append(0.0, -np.sign(ahead) * np.cumsum(steps[::-1])))

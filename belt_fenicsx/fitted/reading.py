@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import cmath
 import itertools
-import math
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,8 @@ from belt_fenicsx.fitted.cells import once
 from belt_fenicsx.fitted.state import POINTS, State, tables
 from belt_fenicsx.layout.arrays import Array, vectors
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Contact, Zone
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
@@ -31,7 +29,7 @@ def pulley_speed(scene: Scene, state: State) -> float:
     Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
+    if pulley.drive.kind == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
         return pulley.omega * pulley.radius
     if state.mesh.zones.transition or pulley.friction == 0.0:
         return state.D_stick
@@ -88,14 +86,11 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     zones = tuple(
         Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
     )
-    up, off = (border[[1, -2]] - complex(*pulley.center)).tolist()
-    contact = Contact(
+    contact = Contact.from_zones(
+        zones[1:-1],
+        pulley,
         omega=pulley_speed(scene, state) / pulley.radius,
-        x_up=zones[1].x[0],
-        x_trans=zones[mesh.zones.transition].x[1],
-        x_off=zones[-1].x[0],
         torque=-pulley.radius * state.friction_force,
-        wrap_angle=cmath.phase(up / off) % (2.0 * math.pi),
-        zones=zones[1:-1],
+        y=tuple(border.imag[[1, -2]].tolist()),
     )
     return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}

@@ -28,8 +28,9 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, transmissible
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 METHOD = "fitted"
@@ -111,7 +112,7 @@ def starts(run: Run, initial: Solution | None) -> list[Start]:
     pulley = run.scene.pulleys[0]
     degrees = () if initial is None else WARM if initial.method == METHOD else RESCUE
     ways: list[Start] = [functools.partial(warm, initial=initial, degree=degree) for degree in degrees]
-    if pulley.drive != "x_trans" and pulley.friction > 0.0:
+    if pulley.drive.kind != "x_trans" and pulley.friction > 0.0:
         return [*ways, _driven]
     if len(posed(run.scene).parts) == 3:
         return [*ways, _from_string, _bent, _from_softer]
@@ -190,7 +191,7 @@ def _fits(scene: Scene, contact: list[Part]) -> bool:
 
     A given speed or torque leaves them open; whether it is met is seen afterwards.
     """
-    if not contact or scene.pulleys[0].drive != "x_trans":
+    if not contact or scene.pulleys[0].drive.kind != "x_trans":
         return bool(contact)
     wanted = list(posed(scene).parts[1:-1])
     if STICK not in wanted:
@@ -275,12 +276,12 @@ def meets(run: Run, state: State) -> bool:
     """
     zones, pulley = state.mesh.zones, run.scene.pulleys[0]
     placed = zones.transition > 0 and zones.parts[zones.transition + 1].touches
-    if placed or pulley.drive == "x_trans" or pulley.friction == 0.0:
+    if placed or pulley.drive.kind == "x_trans" or pulley.friction == 0.0:
         return True
     ahead = _ahead(run.scene, state)
     if STICK in zones.parts or zones.parts[1].sense * ahead > 0.0:
         return abs(ahead) <= DRIVE * transmissible(pulley.friction, state.pressure_force) + ROUNDING
-    if pulley.drive == "omega":
+    if pulley.drive.kind == "omega":
         return True
     if state.degree < FINE:
         return meets(run, run.newton(state.of_degree(FINE), "the moment that friction can transmit", arrived=PLACED))
@@ -291,6 +292,6 @@ def meets(run: Run, state: State) -> bool:
 def _ahead(scene: Scene, state: State) -> float:
     """By how much the given stretch, or resultant of friction, exceeds that of a state."""
     pulley = scene.pulleys[0]
-    if pulley.drive == "omega":
+    if pulley.drive.kind == "omega":
         return pulley.radius * pulley.omega - state.D_stick
     return -pulley.torque / pulley.radius - state.friction_force

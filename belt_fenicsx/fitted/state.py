@@ -14,6 +14,7 @@ from belt_fenicsx.fitted.elements import gauss_basis, gauss_weights, nodal_basis
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
 from belt_fenicsx.layout.layout import Zones
+from belt_fenicsx.mechanics.rod import Strains, tractions
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields, simpson_weights
 from belt_fenicsx.taut_string.string import TautString
@@ -186,6 +187,22 @@ class State:
         strain.imag /= belt.shear_stiffness
         return strain
 
+    def tractions(self, sense: Array, strain: Array, kappa: Array) -> tuple[Array, Array]:
+        """Pressure and friction on the pulley from equilibrium; D' is zero in stick, else what makes f = -s mu p.
+
+        Args:
+            sense: Sense s of sliding, NaN in stick; of the shape of the others, or one that fits it.
+            strain: Strains eps + i Gamma.
+            kappa: Bending strain.
+        """
+        belt, pulley, D = self.scene.belt, self.scene.pulleys[0], np.abs(1.0 + strain)
+        b1, b2 = belt.extensional_stiffness, belt.shear_stiffness
+        p, f = tractions(Strains(strain.real, strain.imag, kappa), D, radius=pulley.radius, b1=b1, b2=b2)
+        cos, sin, mu = (1.0 + strain.real) / D, -strain.imag / D, sense * pulley.friction
+        Qt_D, Qn_D = b2 + (b1 - b2) * cos**2, (b1 - b2) * cos * sin
+        D_rate = np.where(np.isnan(sense), 0.0, (f + mu * p) / (Qt_D + mu * Qn_D))
+        return p - Qn_D * D_rate, f - Qt_D * D_rate
+
     @functools.cached_property
     def dense(self) -> Dense:
         """Fields at `POINTS` points of each cell, once for all that read them."""
@@ -193,15 +210,19 @@ class State:
         nodal, slopes, gauss, _ = tables(self.degree)
         theta = values[:, at.theta] @ nodal.T
         strain = self.strain(self.force @ gauss.T, theta)
+        kappa = values[:, at.theta] @ slopes.T / length
+        p, f = np.zeros((2, *kappa.shape))
+        contact = self.mesh.touches
+        p[contact], f[contact] = self.tractions(self._senses[contact, None], strain[contact], kappa[contact])
         return Dense(
             sigma=self.sigma[:, :1] + length * EVEN,
             r=self.r(EVEN, nodal),
             strain=strain,
             D=np.abs(1.0 + strain),
             theta=theta,
-            kappa=values[:, at.theta] @ slopes.T / length,
-            p=values[:, at.p] @ gauss.T,
-            f=values[:, at.f] @ gauss.T,
+            kappa=kappa,
+            p=p,
+            f=f,
         )
 
     def of_degree(self, degree: int) -> State:
@@ -228,9 +249,16 @@ class State:
 
     def tractions_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """p and f at points ``xi`` of cells ``(m,)``."""
-        at, values = local(self.degree), self.values[cell]
-        basis = gauss_basis(self.degree, xi)
-        return np.einsum("mi,mi->m", basis, values[:, at.p]), np.einsum("mi,mi->m", basis, values[:, at.f])
+        p, f = np.zeros((2, cell.size))
+        contact = self.mesh.touches[cell]
+        cell, xi = cell[contact], xi[contact]
+        p[contact], f[contact] = self.tractions(self._senses[cell], *self.strains_at(cell, xi))
+        return p, f
+
+    @property
+    def _senses(self) -> Array:
+        """Sense of sliding of each cell ``(n,)``, NaN in stick."""
+        return np.where(self.mesh.sticks, np.nan, self.mesh.senses)
 
     def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""

@@ -9,30 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
 from belt_fenicsx.scene.pulley import RUN_UP
-from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.solution import Solution
 
 OMEGA, TORQUE, CLAMP_MOMENT = "error of omega", "error of torque", "error of clamp moment"
-# Factor on the differences of three meshes, and of two, which are small by chance more often. Of 287 meshes of 50 to
-# 400 elements that resolve their layers (random scenes, thick and thin), one error of a torque was above its estimate
-# from three meshes, by half; the median estimate is ten times the error, for omega twenty times. Friction 0.01 on 800
-# elements leaves one that is too low by a third.
+# Differences of three meshes get this factor, and those of two, which are small by chance more often. Of 287 meshes of
+# 50 to 400 elements that resolve their layers (random scenes, thick and thin), one error of a torque was above its
+# estimate from three meshes, by half; the median estimate is ten times the error, for omega twenty times. Friction 0.01
+# on 800 elements leaves one that is too low by a third.
 SAFETY = {3: 2.0, 2: 4.0}
 
-# Estimated error of a torque or a clamp moment from which on it is no answer. On the same meshes it kept errors above
-# 5 % from being answers, but for one of 6 %.
-LARGEST_ERROR = 0.2
-
-# Length of the longest element that resolves a layer, in the layer's lengths. Measured on random scenes: with elements
-# of 0.5, 1, 2 and 4 bending layers the clamp moment is 0.15, 0.9, 4 and 18 % off; with elements of more than 8 shear
-# layers the torque often is, by more than a tenth.
+# An element resolves a layer if it is at most this number of the layer's lengths long. Measured on random scenes: with
+# elements of 0.5, 1, 2 and 4 bending layers the clamp moment is 0.15, 0.9, 4 and 18 % off; with elements of more than 8
+# shear layers the torque often is, by more than a tenth.
 LONGEST = {"bending": 1.5, "shear": 8.0}
 
 
@@ -53,9 +49,17 @@ class Layer:
     element: float
 
     @property
+    def longest(self) -> float:
+        """Length of the longest element that resolves it [m]."""
+        return LONGEST[self.name] * self.length
+
+    @property
     def excess(self) -> float:
         """Length of the element over the longest one that resolves the layer."""
-        return self.element / (LONGEST[self.name] * self.length)
+        return self.element / self.longest
+
+    def __str__(self) -> str:
+        return f"{self.name} layer of {self.length:.3g} m at x = {self.x:.6g} m"
 
 
 def errors(solutions: Sequence[Solution]) -> dict[str, float]:
@@ -72,46 +76,49 @@ def errors(solutions: Sequence[Solution]) -> dict[str, float]:
         The error of omega relative to omega; that of the torque relative to R times the friction summed up without its
         sign; that of the moments at the clamps relative to the larger of the two.
     """
-    last, scene = solutions[-1], solutions[-1].scene
-    belt = scene.belt
-    stretches, forces, moments = (
-        np.array(rows) for rows in zip(*(_seen(solution) for solution in solutions), strict=True)
-    )
+    scene, fields = solutions[-1].scene, fields_of(solutions[-1])
+    b1, radius = scene.belt.extensional_stiffness, scene.pulleys[0].radius
+    stretches = np.array([other.contacts[0].omega * radius / scene.transport_rate for other in solutions])
+    forces = np.array([other.contacts[0].torque / radius for other in solutions])
+    moments = np.array([fields_of(other).M[[0, -1]] for other in solutions])
     # Halving the elements halves a difference.
     halvings = 2.0 ** np.arange(2 - len(solutions), 1)
-    steps = np.maximum(belt.extensional_stiffness * np.abs(np.diff(stretches)), np.abs(np.diff(forces)))
-    force = float(np.max(halvings * steps))
-    friction = float(last.fields.weight @ np.abs(last.fields.f))
+    force = float(np.max(halvings * np.maximum(b1 * np.abs(np.diff(stretches)), np.abs(np.diff(forces)))))
+    friction = float(fields.weight @ np.abs(fields.f))
     moment = float(np.max(np.abs(moments[-1] - moments[-2])) / np.max(np.abs(moments[-1])))
     # At a clamp M grows with the root of the tension, once its layer is resolved.
-    tension = float(np.min(np.abs(last.fields.Q[[0, -1], 0])))
+    tension = float(np.min(np.abs(fields.Q[[0, -1], 0])))
     safety = SAFETY[len(solutions)]
     return {
-        OMEGA: safety * force / (belt.extensional_stiffness * stretches[-1]),
+        OMEGA: safety * force / (b1 * stretches[-1]),
         TORQUE: safety * force / friction if friction else 0.0,
         CLAMP_MOMENT: safety * max(moment, force / (2.0 * tension)),
     }
 
 
-def errors_of_fields(solution: Solution, omega: float) -> dict[str, float]:
-    """Estimated largest errors of fields, relative to their largest values: of the sliding speed alone.
+def with_errors(solutions: Sequence[Solution]) -> Solution:
+    """The last of the solutions with its estimated errors; argument as that of `errors`.
 
-    Its two parts, c D and R omega, are taken to have the same error. Pressure, friction and forces are resolved in the
-    layers as well as these are by the elements, of which this mesh and a coarser one tell little.
-
-    Args:
-        solution: The dimensionless solution.
-        omega: Estimated relative error of omega.
+    Of the fields it is that of the sliding speed alone, whose two parts, c D and R omega, are taken to have the same
+    error. Pressure, friction and forces are resolved in the layers as well as these are by the elements, of which this
+    mesh and a coarser one tell little.
     """
+    solution, measures = solutions[-1], errors(solutions)
     speed = solution.scene.pulleys[0].radius * solution.contacts[0].omega
-    return {"v_rel": float(2.0 * omega * speed / np.max(np.abs(solution.fields.v_rel)))}
+    v_rel = float(2.0 * measures[OMEGA] * speed / np.max(np.abs(fields_of(solution).v_rel)))
+    return replace(
+        solution,
+        error_estimate=measures[OMEGA],
+        field_errors={"v_rel": v_rel},
+        measures={**solution.measures, **measures},
+    )
 
 
-def _seen(solution: Solution) -> tuple[float, float, Array]:
-    """The stretch in stick, the resultant of friction, and the moments at the clamps ``(2,)``."""
-    contact, radius = solution.contacts[0], solution.scene.pulleys[0].radius
-    stretch = contact.omega * radius / solution.scene.transport_rate
-    return stretch, contact.torque / radius, solution.fields.M[[0, -1]]
+def fields_of(solution: Solution) -> Fields:
+    """The fields of a solution that has some."""
+    if solution.fields is None:
+        raise ValueError("A solution without fields has no errors.")
+    return solution.fields
 
 
 def least_resolved(solution: Solution, nodes: Array) -> Layer:
@@ -121,47 +128,45 @@ def least_resolved(solution: Solution, nodes: Array) -> Layer:
         solution: A solution with fields.
         nodes: Positions of the mesh's nodes ``(n,)`` [m].
     """
-    return max(_layers(solution.scene, solution, nodes), key=lambda layer: layer.excess)
+    return max(_layers(solution, nodes), key=lambda layer: layer.excess)
 
 
-def _layers(scene: Scene, solution: Solution, nodes: Array) -> Iterator[Layer]:
-    fields, sizes = solution.fields, np.diff(nodes)
+def _layers(solution: Solution, nodes: Array) -> Iterator[Layer]:
+    scene, fields, sizes = solution.scene, fields_of(solution), np.diff(nodes)
     ends = [zone.sigma[0] for zone in solution.zones] + [nodes[-1]]
-    for index, sigma in enumerate((ends[0], ends[1], ends[-2], ends[-1])):
+    for sigma, in_contact in ((ends[0], False), (ends[1], True), (ends[-2], True), (ends[-1], False)):
         element = float(sizes[np.clip(np.searchsorted(nodes, sigma) - 1, 0, len(sizes) - 1)])
         near = int(np.argmin(np.abs(fields.sigma - sigma)))
         x, strain = float(fields.x[near]), float(fields.D[near]) - 1.0
         yield Layer("bending", x, bending_layer(scene, strain), element)
-        if index in (1, 2):
+        if in_contact:
             yield Layer("shear", x, shear_layer(scene, strain), element)
 
 
-def shortcoming(solution: Solution, nodes: Array) -> str:
+def shortcoming(solution: Solution, nodes: Array, largest_error: float) -> str:
     """Why a mesh is too coarse for its answer, and which one would do; empty where it is not.
 
     Args:
         solution: A solution with fields, and estimated errors among its measures where there are any.
         nodes: Positions of the mesh's nodes ``(n,)`` [m].
+        largest_error: Estimated error of a torque or a clamp moment from which on it is no answer.
     """
-    layer, length, pulley = least_resolved(solution, nodes), nodes[-1] - nodes[0], solution.scene.pulleys[0]
+    layer, pulley = least_resolved(solution, nodes), solution.scene.pulleys[0]
     if layer.excess > 1.0:
-        longest = LONGEST[layer.name] * layer.length
         return (
-            f"The mesh is too coarse for the {layer.name} layer of {layer.length:.3g} m at x = {layer.x:.6g} m, where "
-            f"its element is {layer.element:.3g} m long. It should be {longest:.3g} m at most: "
-            f"{math.ceil(length / longest)} equal elements, or a mesh that is finer there."
+            f"The mesh is too coarse for the {layer}, where its element is {layer.element:.3g} m long. It should be "
+            f"{layer.longest:.3g} m at most: {math.ceil((nodes[-1] - nodes[0]) / layer.longest)} equal elements, or a "
+            "mesh that is finer there."
         )
     sticks = pulley.friction > 0.0 and pulley.x_trans != RUN_UP
     if sticks and all(zone.kind != "stick" for zone in solution.zones):
         longest = float(np.diff(nodes).max())
         return f"No stick zone was found before the transition: it is shorter than two elements of {longest:.3g} m."
-    name = max((TORQUE, CLAMP_MOMENT), key=lambda name: solution.measures.get(name, 0.0))
-    error = solution.measures.get(name, 0.0)
-    if error <= LARGEST_ERROR:
+    error, name = max((solution.measures.get(name, 0.0), name) for name in (TORQUE, CLAMP_MOMENT))
+    if error <= largest_error:
         return ""
-    wanted = math.ceil(error / LARGEST_ERROR * (len(nodes) - 1))
+    wanted = math.ceil(error / largest_error * (len(nodes) - 1))
     return (
-        f"The estimated {name} is {error:.2g}, more than {LARGEST_ERROR:g}: {wanted} equal elements would do, or a "
-        f"mesh that is finer at the {layer.name} layer of {layer.length:.3g} m at x = {layer.x:.6g} m, where its "
-        f"element is {layer.element:.3g} m long."
+        f"The estimated {name} is {error:.2g}, more than {largest_error:g}: {wanted} equal elements would do, or a "
+        f"mesh that is finer at the {layer}, where its element is {layer.element:.3g} m long."
     )

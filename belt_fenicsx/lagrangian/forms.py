@@ -1,9 +1,8 @@
-"""Forms of the augmented-Lagrangian method: energy first, then `ufl.derivative`; and the state at the Gauss points."""
+"""Forms of the augmented-Lagrangian method, energy first, then `ufl.derivative`; and the state that they are for."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,43 +14,13 @@ from scipy.interpolate import CubicHermiteSpline
 from belt_fenicsx.lagrangian.newton import Newton
 from belt_fenicsx.lagrangian.nodes import map_slopes
 from belt_fenicsx.lagrangian.space import CONTACT_DEGREE, HermiteSpace
+from belt_fenicsx.lagrangian.state import State, slip_share
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.mechanics import contact, rod
 from belt_fenicsx.scene.scene import Scene
 
-Array = np.ndarray
-
-# Three Gauss points for the strain energy, as in the source.
+# The strain energy is integrated with three Gauss points, which this degree takes, as in the source.
 ROD_DEGREE = 5
-
-
-@dataclass(frozen=True)
-class State:
-    """Kinematics at the Gauss points of the owned cells, arrays ``(cells, points, ...)``.
-
-    Attributes:
-        sigma: Material-length coordinate.
-        weights: Gauss weights times d sigma/d eta.
-        r: Position.
-        theta: Angle of the cross-section.
-        dr: r' = D t.
-        kappa: theta'.
-        dD: D'.
-        g: Penetration, negative outside the pulley.
-    """
-
-    sigma: Array
-    weights: Array
-    r: Array
-    theta: Array
-    dr: Array
-    kappa: Array
-    dD: Array
-    g: Array
-
-    @property
-    def D(self) -> Array:
-        """Stretch."""
-        return np.hypot(self.dr[..., 0], self.dr[..., 1])
 
 
 class Problem:
@@ -60,6 +29,7 @@ class Problem:
     Attributes:
         nodes: Material-length coordinates of this rank's nodes, from left to right ``(cells + 1,)``.
         slopes: d sigma/d eta there ``(cells + 1,)``.
+        points: Material-length coordinates of the Gauss points between them ``(cells, points)``.
     """
 
     def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], *, frictional: bool) -> None:
@@ -68,7 +38,7 @@ class Problem:
         self.stiffness = {name: fem.Constant(space.mesh, np.float64(1.0)) for name in ("a", "b1", "b2")}
         # One constant (R, xc, H): DOLFINx 0.5 numbers several in an expression by their hash, and compiles anew.
         self.circle = fem.Constant(space.mesh, np.ones(3))
-        self.lambda_p, self.lambda_f, self.penalty = (space.gauss_function() for _ in range(3))
+        self.lambda_p, self.lambda_f, self.penalty = (fem.Function(space.gauss) for _ in range(3))
 
         r, theta = ufl.split(space.w)
         d_sigma = rod.along(space.sigma)
@@ -81,7 +51,7 @@ class Problem:
         # a form is compiled twice.
         for form in (self.residual, self.jacobian):
             form.signature()
-        self._state = space.expression(ufl.as_vector(components))
+        self._state = fem.Expression(ufl.as_vector(components), space.points)
         self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
 
     def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
@@ -104,26 +74,24 @@ class Problem:
 
     def load(self, scene: Scene, nodes: Array) -> None:
         """Sets the parameters of a scene, the nodes' material-length coordinates ``(elements + 1,)`` and sigma(eta)."""
-        belt, pulley = scene.belt, scene.pulleys[0]
+        belt, self.pulley = scene.belt, scene.pulleys[0]
         self.stiffness["a"].value = belt.bending_stiffness
         self.stiffness["b1"].value = belt.extensional_stiffness
         self.stiffness["b2"].value = belt.shear_stiffness
-        self.circle.value[:] = (pulley.radius, *pulley.center)
+        self.circle.value[:] = (self.pulley.radius, *self.pulley.center)
         own = slice(self.space.first, self.space.first + len(self.space.eta) + 1)
         self.nodes, self.slopes = nodes[own], map_slopes(nodes)[own]
         self.space.set_map(self.nodes, self.slopes)
-
-    def gauss_points(self) -> Array:
-        """Material-length coordinates of the owned cells' Gauss points ``(cells, points)``."""
         eta = self.space.first + np.arange(len(self.nodes))
-        return CubicHermiteSpline(eta, self.nodes, self.slopes)(self.space.eta)
+        self.points = CubicHermiteSpline(eta, self.nodes, self.slopes)(self.space.eta)
+        self._clamps = [end for end, node in ((0, nodes[0]), (-1, nodes[-1])) if self.nodes[end] == node]
 
-    def sizes(self) -> Array:
-        """Sizes of the owned cells ``(cells,)``."""
-        return np.diff(self.nodes)
+    def set_state(self, values: Array, slopes: Array) -> None:
+        """Sets x, y, theta and their derivatives by sigma at this rank's nodes ``(cells + 1, 3)``."""
+        self.space.set_state(values, slopes * self.slopes[:, np.newaxis])
 
     def set_penalty(self, penalty: Array) -> None:
-        """Sets the penalty at the Gauss points of the owned cells ``(cells, points)``."""
+        """Sets the penalty at the Gauss points of the owned cells, ``(cells, points)`` or ``(cells, 1)``."""
         self.space.set_gauss(self.penalty, penalty)
 
     def set_multipliers(self, lambda_p: Array, lambda_f: Array) -> None:
@@ -133,19 +101,16 @@ class Problem:
             self.space.set_gauss(self.lambda_f, lambda_f)
 
     def state(self) -> State:
-        """The present state at the Gauss points of the owned cells."""
+        """The present state at the Gauss points of the owned cells ``(cells, points)``."""
         sigma, scale, x, y, theta, dx, dy, kappa, dD, g = np.moveaxis(self.space.at_gauss(self._state), -1, 0)
-        return State(
-            sigma=sigma,
-            weights=scale * self.space.weights,
-            r=np.stack([x, y], axis=-1),
-            theta=theta,
-            dr=np.stack([dx, dy], axis=-1),
-            kappa=kappa,
-            dD=dD,
-            g=g,
-        )
+        weight = scale * self.space.weights
+        share = slip_share(x, np.abs(dx) * weight, self.pulley)
+        return State(sigma, weight, x, y, theta, dx, dy, kappa, dD, g, share)
 
-    def destroy(self) -> None:
-        """Frees what PETSc holds; collective."""
-        self.newton.destroy()
+    def clamps(self) -> State:
+        """The present state at the clamps that this rank has, which are free and without weight ``(n,)``."""
+        values, slopes = self.space.nodal()[:, self._clamps]
+        (x, y, theta), (dx, dy, kappa) = values.T, (slopes / self.slopes[self._clamps, np.newaxis]).T
+        g = self.pulley.radius - np.hypot(x - self.pulley.center[0], y - self.pulley.center[1])
+        zero = np.zeros_like(x)
+        return State(self.nodes[self._clamps], zero, x, y, theta, dx, dy, kappa, zero, g, zero)

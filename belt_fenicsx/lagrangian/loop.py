@@ -1,13 +1,12 @@
-"""The two phases of the augmented-Lagrangian method on one mesh: Newton solves, and updates of the multipliers between.
+"""The augmented-Lagrangian method on one mesh: Newton's iteration, and updates of the multipliers between.
 
-1. Frictionless, with a relaxed penalty, from the taut string.
-2. With friction, and a penalty that grows to its full value:
-   lambda_p <- max(0, lambda_p + P g), the signed form of (18.12);
-   lambda_f <- lambda_f + P_f D' in stick, in the mean of each element and clipped to Coulomb's bound, and
-   -s mu lambda_p in slip (18.16).
-
-Each update follows a loosely converged Newton solve; the loop ends when the multipliers and the penetration have
-come to rest.
+1. Begin with the fields of another solution, and leave step 2 out; or with the taut string.
+2. Without friction, with a relaxed penalty: Newton's iteration and one update of the pressure.
+3. With friction, and a penalty P that grows to its full value, until multipliers and penetration are at rest:
+   a. Newton's iteration, loosely converged.
+   b. lambda_p <- max(0, lambda_p + P g), the signed form of (18.12).
+   c. lambda_f <- lambda_f + P_f D' in stick, in the mean of each element and clipped to Coulomb's bound, and
+      -s mu lambda_p in slip (18.16).
 
 References:
     R. T. Rockafellar, "The multiplier method of Hestenes and Powell applied to convex programming", 1973,
@@ -19,247 +18,210 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from scipy.interpolate import CubicHermiteSpline
 
-from belt_fenicsx.lagrangian import reading as recognition
-from belt_fenicsx.lagrangian.forms import Problem, State
-from belt_fenicsx.lagrangian.multipliers import Multipliers, Penalties, slip_share
+from belt_fenicsx.lagrangian import reading
+from belt_fenicsx.lagrangian.forms import Problem
+from belt_fenicsx.lagrangian.guess import from_fields, from_string
+from belt_fenicsx.lagrangian.multipliers import Multipliers, Penalties
 from belt_fenicsx.lagrangian.newton import NewtonError
+from belt_fenicsx.lagrangian.problems import Options
+from belt_fenicsx.lagrangian.state import State
+from belt_fenicsx.lagrangian.tolerances import Tolerances
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.solution.status import Status
 
 logger = logging.getLogger(__name__)
 
 NAME = "augmented-lagrangian"
-MAX_UPDATES = 200
-NEWTON_RTOL, NEWTON_ATOL = 1e-1, 1e-13
-EPS = np.finfo(float).eps
-# Largest penetration per rtol, in the pulley's radius, and the bounds that it stays in whatever rtol is.
-PENETRATION_PER_RTOL, PENETRATION_RANGE = 1e-1, (1e-9, 1e-7)
-# Share of the nodal forces' rounding errors that does not cancel in the pressure: 0.05, measured on 4e5 elements.
-ROUNDING = 0.1
-# Rounding errors of a penetration by which updates go on to change the pressure: 0.4, measured on graded meshes.
-BLUR = 0.5
-LEAST_GROWTH = 1.2
-# What is left of the multipliers' change sits near the borders and alternates in sign: omega, which feels their
-# resultant, is closer to its limit by four to five digits.
-MULTIPLIER_CHANGE_PER_RTOL = 1e3
-# The resultant of the friction's change, which omega feels at once, counts by this factor more.
-RESULTANT_COUNTS = 10.0
+EPS = float(np.finfo(float).eps)
+
+
+class Task(NamedTuple):
+    """What is to be solved on one mesh.
+
+    Attributes:
+        scene: The dimensionless scene.
+        nodes: Dimensionless positions of all nodes ``(elements + 1,)``.
+        start: Dimensionless fields to start from; None for the taut string.
+        rtol: Relative change of omega that the last updates may still make.
+        options: The caller's PETSc options.
+        tolerances: All other tolerances.
+    """
+
+    scene: Scene
+    nodes: Array
+    start: Fields | None
+    rtol: float
+    options: Options
+    tolerances: Tolerances
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return len(self.nodes) - 1
 
 
 class Run:
-    """One dimensionless scene on its way through the phases.
+    """A task on its way through the steps.
 
     Args:
         problem: Forms, function spaces and Newton solver.
-        scene: The dimensionless scene.
-        nodes: Positions of all nodes ``(elements + 1,)``.
-        penalties: Penalties on this mesh.
+        task: The task.
         stages: What was done so far.
     """
 
-    def __init__(self, problem: Problem, scene: Scene, nodes: Array, penalties: Penalties, stages: Stages) -> None:
-        self.problem, self.scene, self.penalties, self.stages = problem, scene, penalties, stages
-        self.pulley = scene.pulleys[0]
-        self.multipliers = Multipliers(p=np.zeros_like(problem.space.eta), f=np.zeros_like(problem.space.eta))
-        self.penalty = penalties.relaxed
+    def __init__(self, problem: Problem, task: Task, stages: Stages) -> None:
+        self.problem, self.task, self.stages, self.tolerances = problem, task, stages, task.tolerances
+        self.pulley, self.iterations = task.scene.pulleys[0], 0
         self.measures: dict[str, float] = {}
-        # One answer for all ranks: what is told is computed by all.
-        self.told = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
-        problem.load(scene, nodes)
+        # One answer for all ranks: what is logged is computed by all.
+        self.logs = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
+        problem.load(task.scene, task.nodes)
+        belt, sizes = task.scene.belt, np.diff(task.nodes)
+        self.penalties = Penalties.of(task.scene, float(np.min(sizes)), self.tolerances.penalty_scale)
+        self.growth = self.tolerances.penalty_growth
+        self.limit = self.penalties.limits(np.diff(problem.nodes)[:, np.newaxis])
         # An entry of the residual is a difference of forces b1 r/size, with pressures P g in it, most of which cancel.
-        sizes, length = np.diff(nodes), scene.belt.length
-        stiffness = scene.belt.extensional_stiffness / sizes + ROUNDING * penalties.limits(sizes) * sizes
-        self.rounding = EPS * length * stiffness
-        self.limit = np.repeat(penalties.limits(problem.sizes())[:, np.newaxis], problem.space.eta.shape[1], axis=1)
+        pressed = self.tolerances.rounding * self.penalties.limits(sizes) * sizes
+        self.rounding = EPS * belt.length * (belt.extensional_stiffness / sizes + pressed)
 
-    def solve(self, fields: Fields | None, rtol: float) -> Solution:
-        """Runs the phases, from the fields of another solution or from nothing, and reads off the solution."""
+    def solve(self) -> Solution:
+        """Takes the steps and reads off the solution."""
         try:
-            if fields is None:
-                self.relaxed("no initial solution was given")
-            else:
-                self.warm(fields)
-            state = self.frictional(rtol)
+            self._begin()
+            state = self._update_to_rest()
         except NewtonError as failure:
-            return self._ended(Status.NEWTON_DIVERGED, message=f"Stage `{self.stages[-1].name}`: {failure}")
+            return self._end(Status.NEWTON_DIVERGED, message=f"Stage `{self.stages[-1].name}`: {failure}")
         except Stopped as stopped:
-            return self._ended(stopped.status, message=f"Stage `{self.stages[-1].name}`: {stopped.message}")
-        fields, zones, contact = recognition.recognise(self.scene, self._gathered(state))
-        return self._ended(Status.SOLVED, fields=fields, zones=zones, contacts=(contact,))
+            return self._end(stopped.status, message=f"Stage `{self.stages[-1].name}`: {stopped.message}")
+        return self._end(Status.SOLVED, **reading.answer(self.task.scene, *self._gather(state)))
 
-    def _ended(self, status: Status, **what_there_is: Any) -> Solution:
-        stages = self.stages
+    def _end(self, status: Status, **answer: Any) -> Solution:
         return Solution(
-            scene=self.scene, method=NAME, status=status, stages=tuple(stages), iterations=stages.iterations,
-            measures=self.measures, **what_there_is,
+            scene=self.task.scene, method=NAME, status=status, stages=tuple(self.stages),
+            iterations=self.stages.iterations, measures=self.measures, **answer,
         )  # fmt: skip
 
-    def _gathered(self, state: State) -> recognition.GaussData:
-        """Everything at the Gauss points and at the clamps, of all ranks."""
-        p, f, share = self.multipliers.p, self.multipliers.f, slip_share(state, self.pulley)
-        columns = (state.sigma, state.weights, state.theta, state.kappa, state.g, p, f, share)
-        table = np.concatenate([np.stack(columns, axis=-1), state.r, state.dr], axis=-1)
-        table = self.problem.space.gather(self._between_clamps(table.reshape(-1, table.shape[-1])))
-        sigma, weight, theta, kappa, g, p, f, share = table[:, :8].T
-        return recognition.GaussData(
-            sigma=sigma, weight=weight, r=table[:, 8:10], dr=table[:, 10:], theta=theta, kappa=kappa, g=g, p=p, f=f,
-            share=share,
-        )  # fmt: skip
-
-    def _between_clamps(self, table: Array) -> Array:
-        """Adds the clamps that this rank has as rows of a table of its Gauss points: free, and without weight."""
-        nodes, half = self.problem.nodes, self.scene.belt.length / 2
-        values, slopes = self.problem.space.nodal()
-        ends = [index for index, end in ((0, -half), (-1, half)) if nodes[index] == end]
-        zero, (r, theta) = np.zeros(len(ends)), np.split(values[ends], [2], axis=1)
-        dr, kappa = np.split(slopes[ends] / self.problem.slopes[ends, np.newaxis], [2], axis=1)
-        g = self.pulley.radius - np.hypot(*(r - np.asarray(self.pulley.center)).T)
-        columns = (nodes[ends], zero, theta[:, 0], kappa[:, 0], g, zero, zero, zero, *r.T, *dr.T)
-        table = np.concatenate([table, np.stack(columns, axis=-1)])
-        return table[np.argsort(table[:, 0])]
-
-    def relaxed(self, why: str) -> None:
-        """First phase: frictionless with the relaxed penalty, from the taut string and its pressure T D / R."""
-        string = taut_string(self.scene)
-        if string is None:
-            raise Stopped(Status.CONTACT_LOST, "the taut string does not touch the pulley")
-        up, off = string.borders[0], string.borders[-1]
-        radius, nodes, at = self.pulley.radius, self.problem.nodes, self.problem.gauss_points()
-        D, phi = string.D(nodes), string.phi(nodes)
-        kappa = np.where((up <= nodes) & (nodes <= off), -D / radius, 0.0)
-        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), kappa])
-        self._set_state(np.column_stack([string.r(nodes), phi]), slopes)
-        tension = self.scene.belt.extensional_stiffness * float(np.mean(string.strain))
-        pressure = np.where((up <= at) & (at <= off), tension * float(np.mean(D)) / radius, 0.0)
-        self.multipliers = Multipliers(p=pressure, f=np.zeros_like(at))
-        with self._stage("relaxed", why) as stage:
-            stage.iterations = self._newton()
+    def _begin(self) -> None:
+        """Steps 1 and 2."""
+        scene, fields, nodes, points = self.task.scene, self.task.start, self.problem.nodes, self.problem.points
+        guess = from_string(scene, nodes, points) if fields is None else from_fields(scene, fields, nodes, points)
+        self.problem.set_state(guess.values, guess.slopes)
+        self.multipliers = guess.multipliers
+        self.penalty = self.penalties.relaxed if fields is None else self.penalties.full
+        if fields is not None:
+            self.stages.skipped("relaxed", "there is an initial solution")
+            return
+        with self._stage("relaxed", "no initial solution was given"):
+            self._newton()
             self._update(self.problem.state(), friction=0.0)
 
-    def warm(self, fields: Fields) -> None:
-        """Skips the first phase: state and multipliers from the fields of another solution."""
-        self.stages.skipped("relaxed", "there is an initial solution")
-        nodes, at = self.problem.nodes, self.problem.gauss_points()
-        first, last = np.searchsorted(fields.sigma, nodes[[0, -1]])
-        # What is around this rank's part of the belt; borders of zones have two points.
-        index = np.arange(max(0, first - 3), min(len(fields.sigma), last + 3))
-        sigma, single = np.unique(fields.sigma[index], return_index=True)
-        index = index[single]
-        D, phi = fields.D[index], fields.phi[index]
-        values = np.column_stack([fields.r[index], fields.theta[index]])
-        slopes = np.column_stack([D * np.cos(phi), D * np.sin(phi), fields.kappa[index]])
-        spline = CubicHermiteSpline(sigma, values, slopes)
-        self._set_state(spline(nodes), spline(nodes, 1))
-        self.multipliers = Multipliers(p=np.interp(at, fields.sigma, fields.p), f=np.interp(at, fields.sigma, fields.f))
-        self.penalty = self.penalties.full
-
-    def _set_state(self, values: Array, slopes: Array) -> None:
-        """Sets x, y, theta and their derivatives by sigma at this rank's nodes, with the clamps where they are."""
-        half = self.scene.belt.length / 2
-        for end in (-1, 1):
-            values[self.problem.nodes == end * half] = (end * self.scene.span / 2, 0.0, 0.0)
-        self.problem.space.set_state(values, slopes * self.problem.slopes[:, np.newaxis])
-
-    def frictional(self, rtol: float) -> State:
-        """Second phase: updates with friction until multipliers and penetration are at rest."""
+    def _update_to_rest(self) -> State:
+        """Step 3."""
         friction = self.penalties.friction if self.problem.frictional else 0.0
-        growth = self.penalties.growth
-        with self._stage("frictional", "always" if friction else "always (no friction: the pressure only)") as stage:
-            for update in range(1, MAX_UPDATES + 1):
-                penalty = self.penalty
-                self.penalty = min(self.penalties.full, penalty * growth)
-                try:
-                    iterations = self._newton()
-                except NewtonError as failure:
-                    # The contact zone moves too far in one step: more updates at penalties that still converge.
-                    stage.iterations += failure.iterations
-                    growth = growth**0.5
-                    if growth < LEAST_GROWTH or self.penalty == penalty:
-                        raise
-                    self.penalty = penalty
-                    iterations = self._newton()
-                stage.iterations += iterations
+        with self._stage("frictional", "always" if friction else "always (no friction: the pressure only)"):
+            for update in range(1, self.tolerances.updates + 1):
+                iterations = self._newton_at_larger_penalty()
                 state = self.problem.state()
-                self._update(state, friction=friction)
-                if self.told:
-                    self._tell(update, iterations, state)
-                if self.penalty == self.penalties.full and self._at_rest(rtol, iterations):
+                self._update(state, friction)
+                if self.logs:
+                    self._log(update, iterations, state)
+                if self.penalty == self.penalties.full and self._at_rest(iterations):
                     return state
-            raise Stopped(Status.MULTIPLIERS_DIVERGED, f"{MAX_UPDATES} updates left {self.measures}")
+        raise Stopped(Status.MULTIPLIERS_DIVERGED, f"{self.tolerances.updates} updates left {self.measures}")
 
-    def _at_rest(self, rtol: float, iterations: int) -> bool:
-        """Whether multipliers and penetration are, or rounding leaves nothing to do.
+    def _newton_at_larger_penalty(self) -> int:
+        """Step 3a; with the old penalty, which grows more slowly from now on, where it moves the contact too far."""
+        penalty = self.penalty
+        self.penalty = min(self.penalties.full, penalty * self.growth)
+        try:
+            return self._newton()
+        except NewtonError as failure:
+            self.iterations += failure.iterations
+            self.growth = self.growth**0.5
+            if self.growth < self.tolerances.least_growth or self.penalty == penalty:
+                raise
+        self.penalty = penalty
+        return self._newton()
+
+    def _newton(self) -> int:
+        """Newton's iteration for the present multipliers and penalty; its number of iterations."""
+        problem, atol = self.problem, max(self.tolerances.newton_atol, float(np.linalg.norm(self.rounding)))
+        problem.set_penalty(np.minimum(self.penalty, self.limit))
+        problem.set_multipliers(*self.multipliers)
+        iterations = problem.newton.solve(rtol=self.tolerances.newton_rtol, atol=atol)
+        self.iterations += iterations
+        return iterations
+
+    def _update(self, state: State, friction: float) -> None:
+        """Steps 3b and 3c; measures the change of the multipliers and the penetration, both relative."""
+        old, penalty = self.multipliers, np.minimum(self.penalty, self.limit)
+        new = self.multipliers = old.update(state, self.pulley, penalty=penalty, friction=friction)
+        blur = self.tolerances.blur * EPS * self.pulley.radius * penalty * (new.p > 0.0)
+        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.f - old.f, new.p, blur)
+        sums = np.array([np.sum(state.weight * part) for part in parts])
+        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
+        self.problem.space.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        self.problem.space.comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
+        dp, df, resultant, pressure, blurred = sums
+        if pressure == 0.0:
+            raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
+        change = max(dp, df, self.tolerances.resultant_factor * abs(resultant))
+        self.measures = {
+            "multiplier_change": float(change / pressure),
+            "penetration": float(deepest.item() / self.pulley.radius),
+            "penalty": self.penalty,
+            "rounding": float((self.tolerances.rounding * np.sum(self.rounding) + blurred) / pressure),
+        }
+
+    def _at_rest(self, iterations: int) -> bool:
+        """Whether multipliers and penetration are at rest, or rounding leaves nothing to do.
 
         Where Newton's method needed no iteration, the last update changed the forces by less than they are known.
         """
-        change = max(MULTIPLIER_CHANGE_PER_RTOL * rtol, self.measures["rounding"])
+        rtol, tolerances = self.task.rtol, self.tolerances
+        change = max(tolerances.multiplier_change * rtol, self.measures["rounding"])
         unchanged = iterations == 0 or self.measures["multiplier_change"] <= change
-        penetration = np.clip(PENETRATION_PER_RTOL * rtol, *PENETRATION_RANGE)
-        return unchanged and self.measures["penetration"] <= penetration
+        penetration = np.clip(tolerances.penetration * rtol, *tolerances.penetration_range)
+        return unchanged and bool(self.measures["penetration"] <= penetration)
 
-    def _newton(self) -> int:
-        problem = self.problem
-        problem.set_penalty(np.minimum(self.penalty, self.limit))
-        problem.set_multipliers(self.multipliers.p, self.multipliers.f)
-        return problem.newton.solve(rtol=NEWTON_RTOL, atol=max(NEWTON_ATOL, np.linalg.norm(self.rounding)))
+    def _gather(self, state: State) -> tuple[State, Multipliers]:
+        """State and multipliers at the Gauss points of all ranks and at the clamps ``(n,)``, along the belt."""
+        clamps = self.problem.clamps()
+        inside = np.stack([*state, *self.multipliers], axis=-1)
+        ends = np.stack([*clamps, *np.zeros((2, len(clamps.sigma)))], axis=-1)
+        table = np.concatenate([inside.reshape(-1, inside.shape[-1]), ends])
+        # Contiguous: of columns of a table NumPy 1 rounds angles in one of two ways, by the place of the result.
+        columns = np.ascontiguousarray(self.problem.space.gather(table[np.argsort(table[:, 0])]).T)
+        return State(*columns[:-2]), Multipliers(*columns[-2:])
 
-    def _update(self, state: State, *, friction: float) -> None:
-        """Updates the multipliers and measures their change and the penetration, both relative."""
-        old = self.multipliers
-        penalty = np.minimum(self.penalty, self.limit)
-        new = self.multipliers = old.updated(state, self.pulley, penalty=penalty, friction=friction)
-        comm, weights = self.problem.space.comm, state.weights
-        blur = BLUR * EPS * self.pulley.radius * penalty * (new.p > 0.0)
-        parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.f - old.f, new.p, blur)
-        sums = np.array([np.sum(weights * part) for part in parts])
-        deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
-        comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
-        comm.Allreduce(MPI.IN_PLACE, deepest, MPI.MAX)
-        dp, df, resultant, total, blurred = sums
-        if total == 0.0:
-            raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
-        self.measures = {
-            "multiplier_change": float(max(dp, df, RESULTANT_COUNTS * abs(resultant)) / total),
-            "penetration": float(deepest.item() / self.pulley.radius),
-            "penalty": self.penalty,
-            "rounding": float((ROUNDING * np.sum(self.rounding) + blurred) / total),
-        }
-
-    def _tell(self, update: int, iterations: int, state: State) -> None:
+    def _log(self, update: int, iterations: int, state: State) -> None:
         """Logs the course of an update, on rank 0; collective."""
         comm, touching = self.problem.space.comm, self.multipliers.p > 0.0
         residual, step = self.problem.newton.norms()
-        x_up = comm.allreduce(np.min(state.r[..., 0], where=touching, initial=np.inf), MPI.MIN)
-        x_off = comm.allreduce(np.max(state.r[..., 0], where=touching, initial=-np.inf), MPI.MAX)
+        x_up = comm.allreduce(np.min(state.x, where=touching, initial=np.inf), MPI.MIN)
+        x_off = comm.allreduce(np.max(state.x, where=touching, initial=-np.inf), MPI.MAX)
         if comm.rank == 0:
             logger.info(
                 "%d elements, update %d, Newton iterations %d: residual %.1e, step %.1e, penetration %.1e, "
                 "multiplier change %.1e, contact from %.6f to %.6f Ls",
-                self.problem.elements, update, iterations, residual, step, self.measures["penetration"],
+                self.task.elements, update, iterations, residual, step, self.measures["penetration"],
                 self.measures["multiplier_change"], x_up, x_off,
             )  # fmt: skip
 
     @contextlib.contextmanager
-    def _stage(self, name: str, why: str) -> Iterator[_Counter]:
+    def _stage(self, name: str, why: str) -> Iterator[None]:
         """Notes a stage with its iterations and wall time, also where it fails."""
-        counter = _Counter()
+        before = self.iterations
         try:
-            yield counter
+            yield
         finally:
-            self.stages.ran(name, why, counter.iterations)
-
-
-@dataclass
-class _Counter:
-    iterations: int = 0
+            self.stages.ran(name, why, self.iterations - before)

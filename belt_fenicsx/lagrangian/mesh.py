@@ -13,10 +13,11 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from belt_fenicsx.backend import compat
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 
 
-def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, np.ndarray]:
+def unit_cells(elements: int, comm: MPI.Comm) -> tuple[mesh.Mesh, Array]:
     """Interval [0, ``elements``] of cells of length one, each rank with an equal part of them, in their order.
 
     DOLFINx numbers a mesh's cells level by level, from neighbour to neighbour, and looks at all cells for each level.

@@ -13,11 +13,13 @@ from petsc4py import PETSc
 from belt_fenicsx.backend import compat
 from belt_fenicsx.backend.petsc_options import PREFIX, set_options
 from belt_fenicsx.lagrangian.joined_lu import ORDERING, JoinedLU
+from belt_fenicsx.layout.arrays import Array
 
-# Where a Gauss point comes into contact or leaves it, the residual has a kink, and may have to grow on the way across.
-# With its square allowed to grow by 8 times the step's length, all of 200 meshes of up to 1500 elements were solved;
-# with one that must fall (PETSc's 1e-4), the search got stuck at such a kink on three of them.
-TOLERANT = -4.0
+# The line search accepts a square of the residual's norm that falls by this share of its slope; one below zero lets it
+# grow. Where a Gauss point comes into contact or leaves it, the residual has a kink, and may have to grow on the way
+# across. With growth by up to 8 times the step's length, all of 200 meshes of up to 1500 elements were solved; with a
+# norm that must fall (PETSc's 1e-4), the search got stuck at such a kink on three of them.
+LEAST_DECREASE = -4.0
 
 
 class NewtonError(RuntimeError):
@@ -28,45 +30,31 @@ class NewtonError(RuntimeError):
     """
 
     def __init__(self, message: str, iterations: int) -> None:
+        super().__init__(message)
         self.iterations = iterations
-        super().__init__(message, iterations)
-
-    def __str__(self) -> str:
-        return str(self.args[0])
-
-
-def reasons(kind: type) -> dict[int, str]:
-    """PETSc's names of the reasons to stop."""
-    return {value: name for name, value in vars(kind).items() if isinstance(value, int)}
 
 
 class Newton:
-    """SNES on F(w) = 0 with some dofs of w held at the values that w already has.
+    """SNES on F(w) = 0 with some dofs of w fixed at the values that w already has.
 
-    Held dofs are never lifted: their residual is zero and their rows and columns are the identity's, so each
+    Fixed dofs are never lifted: their residual is zero and their rows and columns are the identity's, so each
     iterate keeps the start's values.
 
     Args:
         residual: Linear UFL form F.
         jacobian: Bilinear UFL form J.
         unknown: The function w.
-        held: Local numbers of the dofs that stay as they are.
+        fixed: Local numbers of the dofs that stay as they are.
         options: The caller's PETSc options, without the prefix ``belt_``.
     """
 
     def __init__(
-        self,
-        residual: Any,
-        jacobian: Any,
-        unknown: fem.Function,
-        held: np.ndarray,
-        options: Mapping[str, Any] | None = None,
+        self, residual: Any, jacobian: Any, unknown: fem.Function, fixed: Array, options: Mapping[str, Any]
     ) -> None:
-        self.unknown = unknown
         self._F, self._J = fem.form(residual), fem.form(jacobian)
         index_map = unknown.function_space.dofmap.index_map
-        self._held = held[held < index_map.size_local]
-        self._bcs = [fem.dirichletbc(unknown, held.astype(np.int32))]
+        self._fixed = fixed[fixed < index_map.size_local]
+        self._bcs = [fem.dirichletbc(unknown, fixed.astype(np.int32))]
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
         self._matrix: PETSc.Mat | None = None
@@ -80,7 +68,7 @@ class Newton:
         defaults = {
             "snes_type": "newtonls",
             "snes_linesearch_type": "bt",
-            "snes_linesearch_alpha": TOLERANT,
+            "snes_linesearch_alpha": LEAST_DECREASE,
             "snes_stol": 0.0,
             "snes_max_it": 50,
             "ksp_type": "preonly",
@@ -98,7 +86,7 @@ class Newton:
             local.set(0.0)
         petsc.assemble_vector(b, self._F)
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        b.array_w[self._held] = 0.0
+        b.array_w[self._fixed] = 0.0
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         P.zeroEntries()
@@ -136,12 +124,10 @@ class Newton:
         reason, iterations = self.snes.getConvergedReason(), self.snes.getIterationNumber()
         self._load(self._x if reason > 0 else self._start)
         if reason <= 0:
-            name = reasons(PETSc.SNES.ConvergedReason).get(reason, str(reason))
-            raise NewtonError(
-                f"SNES stopped with {name} after {iterations} iterations at residual norm "
-                f"{self.snes.getFunctionNorm():.3g}",
-                iterations,
-            )
+            names = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int)}
+            name, norm = names.get(reason, reason), self.snes.getFunctionNorm()
+            text = f"SNES stopped with {name} after {iterations} iterations at residual norm {norm:.3g}"
+            raise NewtonError(text, iterations)
         return iterations
 
     def norms(self) -> tuple[float, float]:
@@ -150,7 +136,7 @@ class Newton:
         return self._b.norm(), self._start.norm()
 
     def destroy(self) -> None:
-        """Frees PETSc's objects; collective. They hold this object and are held by it, which Python does not see."""
+        """Frees PETSc's objects; collective. They refer to this object and it to them, which Python does not see."""
         for item in (self.snes, self._matrix, self._w, self._b, self._x, self._start):
             if item is not None:
                 item.destroy()

@@ -1,22 +1,30 @@
-"""The nodes of a user's mesh: read from an array or a file, and checked against the belt that they are to cover."""
+"""Nodes of meshes: those of a user, which are read and checked against the belt, coarser ones, and maps to them."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import re
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 
-Array = np.ndarray
+# A mesh has this number of cells at least.
 FEWEST = 8
-# How far from the belt's ends, in its length, the outer nodes may be: positions are often written with few digits.
+# The outer nodes may be so far from the belt's ends, in its length: positions are often written with few digits.
 END_TOLERANCE = 1e-9
+
+
+def coarsen(nodes: Array, factor: int) -> Array:
+    """Nodes of fewer cells by a factor, graded alike."""
+    last = len(nodes) - 1
+    return np.interp(np.linspace(0.0, last, last // factor + 1), np.arange(last + 1), nodes)
 
 
 def node_positions(mesh: Any, *, length: float) -> Array:
@@ -39,12 +47,12 @@ def node_positions(mesh: Any, *, length: float) -> Array:
     steps = np.diff(positions)
     if not np.all(steps > 0.0):
         place = int(np.argmin(steps > 0.0))
-        found = Verbatim(f"{positions[place + 1]:g} after {positions[place]:g} as node {place + 1}")
-        raise SceneError("mesh", "have nodes that increase [m]", found)
+        pair = Verbatim(f"{positions[place + 1]:g} after {positions[place]:g} as node {place + 1}")
+        raise SceneError("mesh", "have nodes that increase [m]", pair)
     ends = np.array([-0.5, 0.5]) * length
     if not np.allclose(positions[[0, -1]], ends, rtol=0.0, atol=END_TOLERANCE * length):
-        found = Verbatim(f"[{positions[0]:.10g}, {positions[-1]:.10g}]")
-        raise SceneError("mesh", f"cover the belt, [{ends[0]:g}, {ends[1]:g}] [m]", found)
+        reach = Verbatim(f"[{positions[0]:.10g}, {positions[-1]:.10g}]")
+        raise SceneError("mesh", f"cover the belt, [{ends[0]:g}, {ends[1]:g}] [m]", reach)
     positions[[0, -1]] = ends
     return positions
 
@@ -106,10 +114,6 @@ def _read_text(path: Path) -> Array:
     return np.loadtxt(rows, delimiter=comma, ndmin=1)
 
 
-def _read_array(path: Path) -> Array:
-    return np.load(path, allow_pickle=False)
-
-
 def _read_lines(path: Path) -> Array:
     import meshio
 
@@ -127,13 +131,12 @@ def _read_lines(path: Path) -> Array:
     chain = np.unique(np.sort(np.argsort(order)[cells.reshape(-1, 2)], axis=1), axis=0)
     gaps = np.setdiff1d(np.arange(len(x) - 1), chain[chain[:, 1] - chain[:, 0] == 1, 0])
     if len(gaps):
-        raise SceneError(
-            "mesh", "be one chain of lines", Verbatim(f"none from x = {x[order[gaps[0]]]:g} to the next node")
-        )
+        gap = Verbatim(f"none from x = {x[order[gaps[0]]]:g} to the next node")
+        raise SceneError("mesh", "be one chain of lines", gap)
     if len(chain) >= len(x):
         raise SceneError("mesh", "be one chain of lines", Verbatim(f"{len(chain)} lines between {len(x)} nodes"))
     return x[order]
 
 
-# By the ending of a file; other endings are meshio's.
-READERS = {".txt": _read_text, ".csv": _read_text, ".npy": _read_array}
+# The ending of a file tells its reader; other endings are meshio's.
+READERS: dict[str, Callable[[Path], Array]] = {".txt": _read_text, ".csv": _read_text, ".npy": np.load}

@@ -21,7 +21,7 @@ _one_at_a_time = threading.RLock()
 
 
 class Problems:
-    """The problems of a communicator, of which the one that was not used for longest goes first.
+    """The problems of a communicator, of which the one whose last use is longest ago goes first.
 
     Each communicator has its own, lest a rank that solves something alone forgets what the others still have.
 
@@ -40,11 +40,6 @@ class Problems:
         """A problem to work with; collective, and so is its end, where another problem may have to go.
 
         What an error leaves behind nobody knows, so that its problem is not kept.
-
-        Args:
-            elements: Number of elements.
-            options: The caller's PETSc options.
-            frictional: Whether there is friction.
         """
         key = (elements, options, frictional)
         problem = self._kept.pop(key, None)
@@ -54,7 +49,7 @@ class Problems:
         yield problem
         self._kept[key] = problem
         while len(self._kept) > self._most or sum(key[0] for key in self._kept) > self._most_elements:
-            self._kept.pop(next(iter(self._kept))).destroy()
+            self._kept.pop(next(iter(self._kept))).newton.destroy()
 
 
 @functools.cache

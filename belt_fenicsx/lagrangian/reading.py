@@ -1,177 +1,142 @@
-"""From Gauss-point data on a fixed mesh to zones, borders and fields; plain arrays, the same on every rank."""
+"""What is read from a state on a fixed mesh: zones and their borders, contact and fields; the same on every rank."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+import itertools
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from belt_fenicsx.lagrangian.multipliers import Multipliers
+from belt_fenicsx.lagrangian.state import State
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
+from belt_fenicsx.layout.kind import FREE, STICK, Part
+from belt_fenicsx.scene.pulley import RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Contact, Zone
 
-# Negative relative margin that the certificate allows: what unfinished updates of the multipliers leave. A coarse mesh
-# that sees the wrong sense of sliding by more is told so, though a finer one may find the scene admissible.
-TOLERANCE = 1e-6
-# Negative margin of the balances, relative to the tension, that it allows: a fixed mesh meets them as well as it
-# resolves the layers. In the chapter's scene it is a thousandth of the whole pressure.
-BALANCE = 6.5e-4
+FORWARD, BACKWARD, SMOOTH = Part("slip", "forward"), Part("slip", "backward"), Part("slip")
+# Arrays hold the parts' numbers in this table: words take six times the memory, and four times as long.
+PARTS = (FREE, STICK, FORWARD, BACKWARD, SMOOTH)
+NUMBER = {part: number for number, part in enumerate(PARTS)}
 
-# Contact states of points, as numbers: arrays of words take six times the memory, and four times as long.
-FREE, STICK, FORWARD, BACKWARD, FRICTIONLESS = range(5)
-SLIP = {"forward": FORWARD, "backward": BACKWARD}
-
-# A run of points inside the belt counts as a zone when it is longer than one element, which has two of them.
+# A run of so many points inside the belt is longer than one element, which has two of them, and counts as a zone.
 SHORTEST_RUN = 3
 
 
-@dataclass(frozen=True)
-class GaussData:
-    """Converged data at all Gauss points, sorted along the belt, arrays ``(n,)`` and ``(n, 2)``.
+def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, Any]:
+    """Contact, zones and fields, as arguments of a solution.
 
-    Attributes:
-        sigma: Material-length coordinate.
-        weight: Gauss weight, a material length.
-        r: Position.
-        dr: r' = D t.
-        theta: Angle of the cross-section.
-        kappa: theta'.
-        g: Penetration.
-        p: Pressure.
-        f: Friction traction.
-        share: Share of the point's part of its cell that lies after the transition.
+    Args:
+        scene: The dimensionless scene.
+        state: The state at all points of the belt ``(n,)``.
+        multipliers: Pressure and friction there ``(n,)``.
     """
-
-    sigma: Array
-    weight: Array
-    r: Array
-    dr: Array
-    theta: Array
-    kappa: Array
-    g: Array
-    p: Array
-    f: Array
-    share: Array
-
-    @property
-    def D(self) -> Array:
-        """Stretch ``(n,)``."""
-        return np.hypot(*self.dr.T)
-
-
-def recognise(scene: Scene, data: GaussData) -> tuple[Fields, tuple[Zone, ...], Contact]:
-    """Reads fields, zones and contact of a dimensionless scene from its converged Gauss-point data."""
-    pulley = scene.pulleys[0]
-    kinds = _without_short_runs(_kinds(data, pulley.friction, pulley.slip))
-    starts = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
-
-    half = scene.belt.length / 2
-    sigma = np.array([-half, *(_border(data, kinds, start, pulley.x_trans) for start in starts), half])
-    places = _r(data, sigma[1:-1])
-    x = np.array([-scene.span / 2, *places[:, 0], scene.span / 2])
-    zones = tuple(_zone(kind, sigma[i : i + 2], x[i : i + 2]) for i, kind in enumerate(kinds[np.append(0, starts)]))
-
-    touching = [zone for zone in zones if zone.kind != "free"]
-    sigma_trans, x_trans = _transition(data, pulley.x_trans, touching)
-    stuck = (kinds == STICK) & (data.share == 0.0) & (np.abs(data.f) < pulley.friction * data.p)
-    D_trans = (
-        np.average(data.D[stuck], weights=data.weight[stuck]) if stuck.any() else np.hypot(*_r(data, sigma_trans, 1).T)
-    )
-    omega = scene.transport_rate * float(D_trans) / pulley.radius
-    up, off = places[[0, -1]] - np.asarray(pulley.center)
-    contact = Contact(
-        omega=omega,
-        x_up=touching[0].x[0],
-        x_trans=x_trans,
-        x_off=touching[-1].x[1],
-        torque=float(-pulley.radius * np.sum(data.weight * data.f)),
-        wrap_angle=math.atan2(*off) - math.atan2(*up),
-        zones=tuple(touching),
-    )
-    # Contiguous: of columns of a table NumPy 1 rounds the angle in one of two ways, by the place of its result.
-    dx, dy = np.ascontiguousarray(data.dr.T)
+    pulley, numbers = scene.pulleys[0], _absorb_short_runs(_part_numbers(state, multipliers, scene.pulleys[0]))
+    starts = np.flatnonzero(np.diff(numbers)) + 1
+    r = np.column_stack([state.x, state.y])
+    path = CubicHermiteSpline(state.sigma, r, np.column_stack([state.dx, state.dy]))
+    borders = [_border(state, numbers, start, pulley) for start in starts.tolist()]
+    zones = _zones(scene, [PARTS[number] for number in numbers[np.append(0, starts)]], borders, path)
+    contact = _contact(scene, state, multipliers, numbers == NUMBER[STICK], zones, path)
     fields = Fields.from_state(
-        scene.belt,
-        zone=np.searchsorted(starts, np.arange(len(kinds)), side="right"),
-        weight=data.weight,
-        sigma=data.sigma,
-        r=data.r,
-        theta=data.theta,
-        phi=np.arctan2(dy, dx),
-        D=data.D,
-        kappa=data.kappa,
-        p=data.p,
-        f=data.f,
-        v_rel=scene.transport_rate * data.D - pulley.radius * omega,
-    )
-    return fields, zones, contact
+        scene.belt, zone=np.searchsorted(starts, np.arange(len(r)), side="right"), weight=state.weight,
+        sigma=state.sigma, r=r, theta=state.theta, phi=np.arctan2(state.dy, state.dx), D=state.D, kappa=state.kappa,
+        p=multipliers.p, f=multipliers.f, v_rel=scene.transport_rate * state.D - pulley.radius * contact.omega,
+    )  # fmt: skip
+    return {"contacts": (contact,), "zones": zones, "fields": fields}
 
 
-def _kinds(data: GaussData, friction: float, slip: str | None) -> Array:
-    """Contact state of each point; where the stick friction was clipped to its bound, the belt slides."""
-    if friction == 0.0:
-        return np.where(data.p > 0.0, FRICTIONLESS, FREE)
-    clipped = np.abs(data.f) >= friction * data.p
-    before = np.where(clipped, np.where(data.f < 0.0, FORWARD, BACKWARD), STICK)
-    return np.where(data.p > 0.0, np.where(data.share < 0.5, before, SLIP.get(slip, STICK)), FREE)
+def _part_numbers(state: State, multipliers: Multipliers, pulley: Pulley) -> Array:
+    """Number of each point's part; where the stick friction was clipped to its bound, the belt slides."""
+    p, f = multipliers
+    if pulley.friction == 0.0:
+        return np.where(p > 0.0, NUMBER[SMOOTH], NUMBER[FREE])
+    sliding = np.where(f < 0.0, NUMBER[FORWARD], NUMBER[BACKWARD])
+    before = np.where(np.abs(f) >= pulley.friction * p, sliding, NUMBER[STICK])
+    after = NUMBER[Part("slip", pulley.slip)]
+    return np.where(p > 0.0, np.where(state.share < 0.5, before, after), NUMBER[FREE])
 
 
-def _without_short_runs(kinds: Array) -> Array:
+def _absorb_short_runs(numbers: Array) -> Array:
     """Gives short runs to a neighbour in contact: at a border one odd point is the mesh's doing, not a zone."""
-    kinds = kinds.copy()
-    bounds = np.concatenate([[0], np.flatnonzero(kinds[1:] != kinds[:-1]) + 1, [len(kinds)]])
-    for start, end in zip(bounds[1:-2], bounds[2:-1], strict=True):
-        neighbours = [kind for kind in (kinds[start - 1], kinds[end]) if kind != FREE]
+    numbers = numbers.copy()
+    bounds = [0, *(np.flatnonzero(np.diff(numbers)) + 1), len(numbers)]
+    for start, end in itertools.pairwise(bounds[1:-1]):
+        neighbours = [number for number in (numbers[start - 1], numbers[end]) if PARTS[number].touches]
         if end - start < SHORTEST_RUN and neighbours:
-            kinds[start:end] = neighbours[0]
-    return kinds
+            numbers[start:end] = neighbours[0]
+    return numbers
 
 
-def _border(data: GaussData, kinds: Array, start: int, x_trans: float | str | None) -> float:
-    """Material coordinate of the border between the points ``start - 1`` and ``start``."""
-    before, after = start - 1, start
-    if kinds[before] == FREE:
-        return _lift_off(data, before, -1)
-    if kinds[after] == FREE:
-        return _lift_off(data, after, 1)
-    if data.share[before] < 0.5 <= data.share[after]:
-        return _sigma_at(data, before, x_trans)
-    return float(data.sigma[before] + data.sigma[after]) / 2
+def _border(state: State, numbers: Array, after: int, pulley: Pulley) -> float:
+    """Material coordinate of the border between a point and the one before it."""
+    before = after - 1
+    if not PARTS[numbers[before]].touches:
+        return _lift_off(state, before, -1)
+    if not PARTS[numbers[after]].touches:
+        return _lift_off(state, after, 1)
+    if isinstance(pulley.x_trans, float) and state.share[before] < 0.5 <= state.share[after]:
+        return _sigma_at(state, before, pulley.x_trans)
+    return float(state.sigma[before] + state.sigma[after]) / 2
 
 
-def _lift_off(data: GaussData, near: int, outwards: int) -> float:
-    """Border of contact, seen from the free side, where the gap grows with the square of the distance."""
+def _lift_off(state: State, near: int, outwards: int) -> float:
+    """Border of contact from the last free point, as the gap grows with the square of the distance from it."""
     far, touching = near + outwards, near - outwards
-    gaps = np.sqrt(np.maximum(-data.g.take([far, near], mode="clip"), 0.0))
-    if gaps[0] <= gaps[1]:
-        return float(data.sigma[near] + data.sigma[touching]) / 2
-    return float(data.sigma[near] + (data.sigma[near] - data.sigma[far]) * gaps[1] / (gaps[0] - gaps[1]))
+    far_gap, gap = np.sqrt(np.maximum(-state.g.take([far, near], mode="clip"), 0.0))
+    if far_gap <= gap:
+        return float(state.sigma[near] + state.sigma[touching]) / 2
+    return float(state.sigma[near] + (state.sigma[near] - state.sigma[far]) * gap / (far_gap - gap))
 
 
-def _r(data: GaussData, sigma: Array, derivative: int = 0) -> Array:
-    """Positions ``(n, 2)``, or their derivatives, by cubics between the points."""
-    return CubicHermiteSpline(data.sigma, data.r, data.dr)(sigma, derivative)
+def _sigma_at(state: State, near: int, x: float) -> float:
+    """Material coordinate of a global one, from a point near it."""
+    return float(state.sigma[near] + (x - state.x[near]) / state.dx[near])
 
 
-def _sigma_at(data: GaussData, near: int, x: float) -> float:
-    return float(data.sigma[near] + (x - data.r[near, 0]) / data.dr[near, 0])
+def _zones(scene: Scene, parts: list[Part], borders: list[float], path: CubicHermiteSpline) -> tuple[Zone, ...]:
+    """The zones between the borders and the clamps."""
+    half, reach = scene.belt.length / 2, scene.span / 2
+    sigma = itertools.pairwise([-half, *borders, half])
+    x = itertools.pairwise([-reach, *path(borders)[:, 0].tolist(), reach])
+    rows = zip(parts, sigma, x, strict=True)
+    return tuple(Zone(kind=part.kind, slip=part.slip, sigma=material, x=place) for part, material, place in rows)
 
 
-def _transition(data: GaussData, x_trans: float | str | None, touching: list[Zone]) -> tuple[float, float]:
-    """Material and global coordinate of the place whose stretch gives omega."""
-    if x_trans == RUN_UP:
-        return touching[0].sigma[0], touching[0].x[0]
-    if x_trans == RUN_OFF:
-        return touching[-1].sigma[1], touching[-1].x[1]
-    return _sigma_at(data, int(np.argmin(np.abs(data.r[:, 0] - x_trans))), x_trans), x_trans
+def _contact(
+    scene: Scene,
+    state: State,
+    multipliers: Multipliers,
+    sticks: Array,
+    zones: tuple[Zone, ...],
+    path: CubicHermiteSpline,
+) -> Contact:
+    """The contact, whose speed is that of the belt where friction in stick is below its bound, or at the transition."""
+    pulley, touching = scene.pulleys[0], tuple(zone for zone in zones if zone.kind != "free")
+    sigma_trans, x_trans = _transition(state, pulley, touching)
+    p, f = multipliers
+    stuck = sticks & (state.share == 0.0) & (np.abs(f) < pulley.friction * p)
+    if stuck.any():
+        D_trans = float(np.average(state.D[stuck], weights=state.weight[stuck]))
+    else:
+        D_trans = float(np.hypot(*path(sigma_trans, 1)))
+    (_, up), (_, off) = path([touching[0].sigma[0], touching[-1].sigma[1]]).tolist()
+    return Contact.from_zones(
+        touching,
+        pulley,
+        omega=scene.transport_rate * D_trans / pulley.radius,
+        torque=float(-pulley.radius * np.sum(state.weight * f)),
+        y=(up, off),
+        x_trans=x_trans,
+    )
 
 
-def _zone(kind: int, sigma: Array, x: Array) -> Zone:
-    ends = {"sigma": (float(sigma[0]), float(sigma[1])), "x": (float(x[0]), float(x[1]))}
-    if kind in (FREE, STICK):
-        return Zone(kind="free" if kind == FREE else "stick", **ends)
-    return Zone(kind="slip", slip=next((slip for slip, number in SLIP.items() if number == kind), None), **ends)
+def _transition(state: State, pulley: Pulley, touching: tuple[Zone, ...]) -> tuple[float, float]:
+    """Material and global coordinate of the transition."""
+    if isinstance(pulley.x_trans, float):
+        return _sigma_at(state, int(np.argmin(np.abs(state.x - pulley.x_trans))), pulley.x_trans), pulley.x_trans
+    zone, end = (touching[0], 0) if pulley.x_trans == RUN_UP else (touching[-1], 1)
+    return zone.sigma[end], zone.x[end]

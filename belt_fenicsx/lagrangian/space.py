@@ -1,7 +1,7 @@
 """The mixed (r, theta) space of cubic Hermite elements, its nodal values, and data at the Gauss points.
 
 Hermite's slope dofs are reference derivatives and DOLFINx does not interpolate into them, so nodal values are
-set here, by number, on a mesh of unit cells (see `belt_fenicsx.mesh`).
+set here, by number, on a mesh of unit cells (see `belt_fenicsx.lagrangian.mesh`).
 """
 
 from __future__ import annotations
@@ -14,19 +14,18 @@ from mpi4py import MPI
 
 from belt_fenicsx.backend import compat
 from belt_fenicsx.lagrangian.mesh import unit_cells
+from belt_fenicsx.layout.arrays import Array
 
-Array = np.ndarray
-
-# Local dofs of a cell, value and slope of the left node, then of the right one; r comes first, blocked.
+# A cell has these local dofs of x, y and theta: value and slope at its left node, then at its right one.
 X_DOFS, Y_DOFS, THETA_DOFS = (0, 2, 4, 6), (1, 3, 5, 7), (8, 9, 10, 11)
-SLOPE = (1, 3)
-VALUE = (0, 2)
+VALUES, SLOPES = (0, 2), (1, 3)
 
-# Two Gauss points for contact: as many conditions in a cell as it has dofs of normal (and tangential) motion. The
-# circle is then collocated to rounding; a third point leaves a penetration that no multiplier can close.
+# Contact is integrated with two Gauss points, which this degree takes: as many conditions in a cell as it has dofs of
+# normal (and tangential) motion. The circle is then collocated to rounding; a third point leaves a penetration that no
+# multiplier can close.
 CONTACT_DEGREE = 3
 
-# Tag of the mesh's unit cells.
+# The mesh's unit cells have this tag.
 BELT = 1
 
 
@@ -41,6 +40,8 @@ class HermiteSpace:
         clamped: Local dofs of x, y and theta at the two clamps.
         weights: Gauss weights of a unit cell ``(points,)``.
         first: Number of this rank's first node.
+        points: Gauss points of a unit cell ``(points, 1)``.
+        gauss: Space of coefficients with one value for each Gauss point.
         eta: Coordinates of the owned cells' Gauss points ``(cells, points)``, from left to right.
     """
 
@@ -49,14 +50,16 @@ class HermiteSpace:
         self.mesh, self._cells = unit_cells(elements, comm)
         scalar = compat.function_space(self.mesh, compat.hermite())
         mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
-        self._gauss_space = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
+        self.gauss = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
         self.w, self.sigma = fem.Function(mixed), fem.Function(scalar)
         self._dofs, self._sigma_dofs, self._gauss_dofs = (
-            compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self._gauss_space)
+            compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self.gauss)
         )
         nodes = compat.nodes(self.mesh)[self._cells]
         self.first = round(nodes[0, 0])
-        self.clamped = self._dofs_at((nodes == 0.0) | (nodes == float(elements)))
+        ends = (nodes == 0.0) | (nodes == float(elements))
+        clamped = [self._dofs[:, np.take(dofs, VALUES)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
+        self.clamped = np.unique(np.concatenate(clamped)).astype(np.int32)
         self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
         self.eta = nodes[:, :1] + self.points.ravel()
         numbers = np.sort(self._cells)
@@ -67,12 +70,8 @@ class HermiteSpace:
         """Integrals by eta along the belt, with as many Gauss points as ``degree`` takes."""
         return self._dx(BELT, metadata={"quadrature_degree": degree, "quadrature_scheme": "default"})
 
-    def _dofs_at(self, ends: Array) -> Array:
-        values = [self._dofs[:, np.take(dofs, VALUE)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
-        return np.unique(np.concatenate(values)).astype(np.int32)
-
     def _set_nodal(self, function: fem.Function, dofs: Array, values: Array, slopes: Array) -> None:
-        for value, slope, nodes in zip(VALUE, SLOPE, (slice(None, -1), slice(1, None)), strict=True):
+        for value, slope, nodes in zip(VALUES, SLOPES, (slice(None, -1), slice(1, None)), strict=True):
             function.x.array[dofs[:, value]] = values[nodes]
             function.x.array[dofs[:, slope]] = slopes[nodes]
 
@@ -91,28 +90,16 @@ class HermiteSpace:
         values = self.w.x.array[np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]])]
         return np.moveaxis(values, -1, 0)
 
-    def gauss_function(self) -> fem.Function:
-        """A new coefficient with one value for each Gauss point, zero."""
-        return fem.Function(self._gauss_space)
-
     def set_gauss(self, function: fem.Function, values: Array) -> None:
         """Sets a Gauss-point coefficient from values on the owned cells ``(cells, points)``."""
         function.x.array[self._gauss_dofs] = values
-
-    def expression(self, expr: object) -> fem.Expression:
-        """Compiles a vector-valued UFL expression for the Gauss points."""
-        return fem.Expression(expr, self.points)
 
     def at_gauss(self, expression: fem.Expression) -> Array:
         """Values at the owned cells' Gauss points ``(cells, points, size)``."""
         return compat.evaluate(expression, self.mesh, self._cells).reshape(*self.eta.shape, -1)
 
     def gather(self, values: Array) -> Array:
-        """Gauss-point values of all ranks, in their order along the belt, on every rank.
-
-        Args:
-            values: Values on the owned cells ``(cells, points, size)``.
-        """
+        """Rows of all ranks ``(all, size)``, in the order of the ranks, from each rank's own ``(n, size)``."""
         size = values.shape[-1]
         counts = self.comm.allgather(values.size)
         everything = np.empty((sum(counts) // size, size))

@@ -82,7 +82,7 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Zones:
     nothing sticks: it does so where the scene says, or else where friction cannot hold it any longer. Before, sliding
     passes into stick where friction is continuous; after, sliding turns where the belt has the pulley's speed.
     """
-    drive = scene.pulleys[0].drive
+    drive = scene.pulleys[0].drive.kind
     placed: dict[str, Condition] = {"x_trans": "x", "omega": "speed", "torque": "hold"}
     borders, by_force = [RUN_UP_BORDER], False
     left = contact.index(STICK) if STICK in contact else 0

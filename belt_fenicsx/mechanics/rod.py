@@ -67,3 +67,18 @@ def elongation(q: tuple[Expr, Expr]) -> Expr:
 def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
     """Strain energy per material length, the integrand of (18.9)."""
     return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2
+
+
+def tractions(strain: Strains, D: Expr, *, radius: Expr, b1: Expr, b2: Expr) -> tuple[Expr, Expr]:
+    """Pressure and friction that keep the belt on a pulley to the right, with D constant; of UFL or of arrays.
+
+    They are -Q'.n and -Q'.t (18.17) with phi' = -D/R, so that they need no more than theta'. The multipliers of the
+    pulley's conditions answer to second derivatives, of which short zones, and little friction, know too little.
+    """
+    (eps, Gamma, kappa), along = strain, 1 + strain.eps
+    turn, psi_rate = -D / radius, kappa + D / radius
+    # At constant D, psi changes eps by Gamma and Gamma by -(1 + eps).
+    Qt, Qn = (b1 * eps * along + b2 * Gamma**2) / D, (b2 * along - b1 * eps) * Gamma / D
+    Qt_psi = (b1 * (along + eps) - 2 * b2 * along) * Gamma / D
+    Qn_psi = ((b2 - b1) * Gamma**2 - (b2 * along - b1 * eps) * along) / D
+    return -Qn_psi * psi_rate - turn * Qt, -Qt_psi * psi_rate + turn * Qn

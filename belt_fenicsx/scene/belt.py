@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from belt_fenicsx.scene.checks import SceneError, number, positive, store
+from belt_fenicsx.scene.units import Quantity
+
+STIFFNESSES: Mapping[str, Quantity] = {
+    "bending_stiffness": Quantity(unit="N m^2", text="bending stiffness", length=2, force=1),
+    "extensional_stiffness": Quantity(unit="N", text="extensional stiffness", force=1),
+    "shear_stiffness": Quantity(unit="N", text="shear stiffness", force=1),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +48,8 @@ class Belt:
             thickness=positive("thickness", self.thickness, "m"),
             width=positive("width", self.width, "m"),
         )
-        _check_range_of_stiffnesses(self)
+        # Extreme factors may leave a product that is no longer a number above zero.
+        _checked_stiffnesses(self)
 
     @property
     def bending_stiffness(self) -> float:
@@ -78,16 +87,8 @@ class StiffnessBelt:
     shear_stiffness: float
 
     def __post_init__(self) -> None:
-        store(
-            self,
-            length=positive("length", self.length, "m"),
-            bending_stiffness=positive("bending_stiffness", self.bending_stiffness, "N m^2"),
-            extensional_stiffness=positive("extensional_stiffness", self.extensional_stiffness, "N"),
-            shear_stiffness=positive("shear_stiffness", self.shear_stiffness, "N"),
-        )
+        store(self, length=positive("length", self.length, "m"), **_checked_stiffnesses(self))
 
 
-def _check_range_of_stiffnesses(belt: Belt) -> None:
-    """Extreme factors may leave a product that is no longer a number above zero."""
-    for name, unit in (("bending_stiffness", "N m^2"), ("extensional_stiffness", "N"), ("shear_stiffness", "N")):
-        positive(name, getattr(belt, name), unit)
+def _checked_stiffnesses(belt: Belt | StiffnessBelt) -> dict[str, float]:
+    return {name: positive(name, getattr(belt, name), quantity.unit) for name, quantity in STIFFNESSES.items()}

@@ -16,12 +16,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from belt_fenicsx.scene.belt import Belt, StiffnessBelt
+from belt_fenicsx.scene.belt import STIFFNESSES, Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
-STIFFNESSES = {"bending_stiffness": "N m^2", "extensional_stiffness": "N", "shear_stiffness": "N"}
 SECTION = ("youngs_modulus", "poisson_ratio", "thickness", "width")
 
 # As in `radius = 0,7`.
@@ -110,10 +109,10 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
     Raises:
         SceneError: An unknown name, or a value of the wrong type or out of its range.
     """
-    values = dict(_table(data, "scene"))
+    values = dict(table(data, "scene"))
     _check_names(values, _names(Scene), "")
     if "belt" in values:
-        values["belt"] = _belt(_table(values["belt"], "belt"))
+        values["belt"] = _belt(table(values["belt"], "belt"))
     if "pulleys" in values:
         if not isinstance(values["pulleys"], list | tuple):
             raise SceneError("pulleys", "be an array of tables, each under `[[pulleys]]`", values["pulleys"])
@@ -187,7 +186,8 @@ def _parsed(text: str, field: str, expected: str, got: object = None) -> dict[st
         raise SceneError(field, f"{expected}{hint}", Verbatim(error) if got is None else got) from None
 
 
-def _table(value: Any, path: str) -> Mapping[str, Any]:
+def table(value: Any, path: str) -> Mapping[str, Any]:
+    """Checks that a value of plain data is a table, and returns it."""
     if not isinstance(value, Mapping):
         raise SceneError(path, "be a table of names and values", value)
     return value
@@ -201,14 +201,16 @@ def _belt(values: Mapping[str, Any]) -> Belt | StiffnessBelt:
     for name in SECTION:
         if name in values:
             raise SceneError(f"belt.{name}", f"be left out beside `belt.{given[0]}`", values[name])
-    for name, unit in STIFFNESSES.items():
+    for name, quantity in STIFFNESSES.items():
         if name not in values:
-            raise SceneError(f"belt.{name}", f"be given beside `belt.{given[0]}` [{unit}]", Verbatim("nothing"))
+            raise SceneError(
+                f"belt.{name}", f"be given beside `belt.{given[0]}` [{quantity.unit}]", Verbatim("nothing")
+            )
     return _made(StiffnessBelt, values, "belt")
 
 
 def _pulley(values: Any, path: str) -> Pulley:
-    _check_names(_table(values, path), _names(Pulley), f"{path}.")
+    _check_names(table(values, path), _names(Pulley), f"{path}.")
     return _made(Pulley, values, path)
 
 
@@ -221,7 +223,7 @@ def _made(kind: type, values: Mapping[str, Any], path: str) -> Any:
 
 @functools.cache
 def _names(kind: type) -> dict[str, None]:
-    return dict.fromkeys(f.name for f in fields(kind))
+    return dict.fromkeys(f.name for f in fields(kind) if f.init)
 
 
 def _check_names(values: Mapping[str, Any], known: Iterable[str], prefix: str) -> None:
@@ -256,5 +258,6 @@ def _parent(data: dict[str, Any], path: str) -> tuple[Any, str]:
 
 def _plain(value: Any) -> Any:
     if is_dataclass(value):
-        return {name: _plain(item) for name, item in vars(value).items() if item is not None}
+        given = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
+        return {name: _plain(item) for name, item in given.items() if item is not None}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -3,15 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim, number, positive, shown, store
-from belt_fenicsx.scene.units import Units
+from belt_fenicsx.scene.units import Quantity, Units
 
 Slip = Literal["forward", "backward"]
-DRIVES = ("x_trans", "omega", "torque")
 RUN_UP, RUN_OFF = "run-up", "run-off"
+DRIVES: Mapping[str, Quantity] = {
+    "x_trans": Quantity(unit="m", text="transition", length=1),
+    "omega": Quantity(unit="rad/s", text="omega", length=-1, rate=1),
+    "torque": Quantity(unit="N m", text="torque", length=1, force=1),
+}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives a pulley.
+
+    Attributes:
+        kind: ``"x_trans"``, ``"omega"`` or ``"torque"``.
+        value: Its value [m], [rad/s] or [N m]; of ``"x_trans"`` also ``"run-up"`` or ``"run-off"``.
+        slip: Sense of the sliding after ``"x_trans"``; None where it follows.
+    """
+
+    kind: str
+    value: float | Literal["run-up", "run-off"]
+    slip: Slip | None = None
+
+    def dimensionless(self, units: Units) -> dict[str, Any]:
+        """The value in these units, as keyword of a pulley."""
+        return {self.kind: self.value if isinstance(self.value, str) else self.value / DRIVES[self.kind].scale(units)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +53,7 @@ class Pulley:
         slip: Sense of the sliding after ``x_trans``: ``"forward"`` (the belt is faster) or ``"backward"``.
         omega: Angular velocity [rad/s], positive where the pulley's top moves with the belt.
         torque: Moment that the belt exerts on the pulley [N m], positive where it drives it along.
+        drive: The one that is given, with its sense of sliding; follows from the others.
 
     Raises:
         SceneError: A value is out of its range, or more than one drive is given.
@@ -42,13 +66,15 @@ class Pulley:
     slip: Slip | None = None
     omega: float | None = None
     torque: float | None = None
+    drive: Drive = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         friction = number("friction", self.friction, "-")
         if friction < 0.0:
             raise SceneError("friction", "be zero or positive [-]", self.friction)
         store(self, radius=positive("radius", self.radius, "m"), center=self._checked_center(), friction=friction)
-        self._check_drive()
+        drive = self._checked_drive()
+        store(self, drive=drive, slip=drive.slip, **{drive.kind: drive.value})
 
     def _checked_center(self) -> tuple[float, float]:
         center = self.center
@@ -56,46 +82,32 @@ class Pulley:
             raise SceneError("center", "be a pair of finite numbers (xc, H) [m]", center)
         return number("center.0", center[0], "m"), number("center.1", center[1], "m")
 
-    def _check_drive(self) -> None:
-        given = [name for name in DRIVES if getattr(self, name) is not None]
+    def _checked_drive(self) -> Drive:
+        given = {kind: value for kind in DRIVES if (value := getattr(self, kind)) is not None}
         if len(given) > 1:
-            got = Verbatim(" and ".join(f"{name} = {shown(getattr(self, name))}" for name in given))
-            raise SceneError(given[1], "be the only drive of `x_trans`, `omega`, `torque`", got)
-        if not given:
-            store(self, x_trans=0.0)
-        if self.x_trans is None:
+            got = Verbatim(" and ".join(f"{kind} = {shown(value)}" for kind, value in given.items()))
+            raise SceneError([*given][1], "be the only drive of `x_trans`, `omega`, `torque`", got)
+        ((kind, value),) = given.items() or [("x_trans", 0.0)]
+        if kind != "x_trans":
             if self.slip is not None:
-                raise SceneError("slip", f"be left out with `{given[0]}`, from which it follows", self.slip)
-            store(
-                self, **{given[0]: number(given[0], getattr(self, given[0]), {"omega": "rad/s"}.get(given[0], "N m"))}
-            )
-            return
+                raise SceneError("slip", f"be left out with `{kind}`, from which it follows", self.slip)
+            return Drive(kind, number(kind, value, DRIVES[kind].unit))
         if self.slip not in (None, "forward", "backward"):
             raise SceneError("slip", 'be "forward" or "backward"', self.slip)
-        store(self, slip=self.slip or "forward")
-        if isinstance(self.x_trans, str):
-            if self.x_trans not in (RUN_UP, RUN_OFF):
-                raise SceneError("x_trans", 'be a finite number [m], "run-up" or "run-off"', self.x_trans)
-            return
-        x_trans = number("x_trans", self.x_trans, "m")
-        if abs(x_trans - self.center[0]) >= self.radius:
-            xc, radius = self.center[0], self.radius
-            raise SceneError("x_trans", f"lie over the pulley, in ({xc - radius:g}, {xc + radius:g}) [m]", self.x_trans)
-        store(self, x_trans=x_trans)
+        return Drive(kind, self._checked_place(value), self.slip or "forward")
 
-    @property
-    def drive(self) -> str:
-        """Which of ``"x_trans"``, ``"omega"``, ``"torque"`` is given."""
-        if self.x_trans is not None:
-            return "x_trans"
-        return "omega" if self.omega is not None else "torque"
+    def _checked_place(self, x_trans: Any) -> Any:
+        if isinstance(x_trans, str):
+            if x_trans not in (RUN_UP, RUN_OFF):
+                raise SceneError("x_trans", 'be a finite number [m], "run-up" or "run-off"', x_trans)
+            return x_trans
+        place, xc = number("x_trans", x_trans, "m"), self.center[0]
+        if abs(place - xc) >= self.radius:
+            low, high = xc - self.radius, xc + self.radius
+            raise SceneError("x_trans", f"lie over the pulley, in ({low:g}, {high:g}) [m]", x_trans)
+        return place
 
     def dimensionless(self, units: Units) -> Pulley:
         """The pulley in these units."""
-        value: Any = getattr(self, self.drive)
-        if not isinstance(value, str):
-            torque, omega = units.of(length=1, force=1), units.of(length=-1, rate=1)
-            value /= {"x_trans": units.length, "omega": omega, "torque": torque}[self.drive]
-        drive: dict[str, Any] = {self.drive: value}
         center = (self.center[0] / units.length, self.center[1] / units.length)
-        return replace(self, radius=self.radius / units.length, center=center, **drive)
+        return replace(self, radius=self.radius / units.length, center=center, **self.drive.dimensionless(units))

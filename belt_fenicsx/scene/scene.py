@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from belt_fenicsx.scene.belt import Belt, StiffnessBelt
+from belt_fenicsx.scene.belt import STIFFNESSES, Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError, positive, store
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.units import Units
@@ -73,11 +73,7 @@ class Scene:
             turn its answers into this scene's.
         """
         units = Units(length=self.belt.length, force=self.belt.extensional_stiffness, rate=self.transport_rate)
-        belt = StiffnessBelt(
-            length=1.0,
-            bending_stiffness=self.belt.bending_stiffness / units.of(length=2, force=1),
-            extensional_stiffness=1.0,
-            shear_stiffness=self.belt.shear_stiffness / units.force,
-        )
+        stiffnesses = {name: getattr(self.belt, name) / quantity.scale(units) for name, quantity in STIFFNESSES.items()}
+        belt = StiffnessBelt(length=1.0, **stiffnesses)
         pulleys = tuple(pulley.dimensionless(units) for pulley in self.pulleys)
         return Scene(belt=belt, pulleys=pulleys, span=self.span / units.length, transport_rate=1.0), units

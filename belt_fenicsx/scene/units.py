@@ -1,4 +1,4 @@
-"""Units in which a scene has no dimension."""
+"""Units in which a scene has no dimension, and what other quantities are in them."""
 
 from __future__ import annotations
 
@@ -20,3 +20,18 @@ class Units:
     def inverse(self) -> Units:
         """The units that turn this scene's answers into the dimensionless ones."""
         return Units(length=1.0 / self.length, force=1.0 / self.force, rate=1.0 / self.rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A quantity's unit, its meaning, and its powers of length, force and transport rate."""
+
+    unit: str
+    text: str
+    length: int = 0
+    force: int = 0
+    rate: int = 0
+
+    def scale(self, units: Units) -> float:
+        """What a dimensionless one is to be multiplied by."""
+        return units.of(length=self.length, force=self.force, rate=self.rate)

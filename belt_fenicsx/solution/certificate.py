@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,13 +14,44 @@ from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Status, Zone
+from belt_fenicsx.solution.status import Status
+
+if TYPE_CHECKING:
+    from belt_fenicsx.solution.solution import Solution
 
 BALANCE = 1e-4  # of the tension: sums over the contact of values at points; what is wrong in kind misses by far more
 DRIVE = 1e-9  # of what friction can transmit, by which a drive may be missed
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a force, in units of the extensional stiffness
 MOST = 1e-3  # of what is checked, that the estimated error of a field may excuse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of the certificate.
+
+    Attributes:
+        name: What must hold.
+        margin: How far it holds, relative to the natural size of the checked quantity; negative where it does not.
+        tolerance: The negative margin that the discretisation is allowed.
+        x: Where the margin is smallest [m].
+    """
+
+    name: str
+    margin: float
+    tolerance: float
+    x: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the margin is within the tolerance; false for NaN."""
+        return bool(self.margin >= -self.tolerance)
+
+    def __str__(self) -> str:
+        verdict = "holds" if self.holds else "violated"
+        margin = f"margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
+        return f"{self.name}: {verdict}, {margin}"
 
 
 class Condition(NamedTuple):
@@ -174,19 +205,18 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
     nothing sticks, any speed is met. A place is missed by its distance, relative to the contact.
     """
-    pulley, b1 = scene.pulleys[0], scene.belt.extensional_stiffness
+    pulley, b1, drive = scene.pulleys[0], scene.belt.extensional_stiffness, scene.pulleys[0].drive
     capacity = transmissible(pulley.friction, float(fields.weight @ fields.p))
-    if not capacity > 0.0 or isinstance(pulley.x_trans, str):
+    if not capacity > 0.0 or isinstance(drive.value, str):
         return ()
     # Turns what is missed into a part of the contact, or of the force that friction can transmit.
     unit = {
         "x_trans": contact.x_off - contact.x_up,
         "torque": pulley.radius * capacity,
         "omega": scene.transport_rate / pulley.radius * capacity / b1,
-    }[pulley.drive]
-    given = getattr(pulley, pulley.drive)
-    missed = abs(getattr(contact, pulley.drive) - given) / unit
-    unknown = ROUNDING * max(b1 / capacity, abs(given) / unit)
+    }[drive.kind]
+    missed = abs(getattr(contact, drive.kind) - drive.value) / unit
+    unknown = ROUNDING * max(b1 / capacity, abs(drive.value) / unit)
     return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
 
 

@@ -10,19 +10,7 @@ import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
-from belt_fenicsx.scene.units import Units
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quantity:
-    """A field's unit, its meaning, and its powers of length, force and transport rate."""
-
-    unit: str
-    text: str
-    length: int = 0
-    force: int = 0
-    rate: int = 0
-
+from belt_fenicsx.scene.units import Quantity, Units
 
 QUANTITIES: Mapping[str, Quantity] = {
     "sigma": Quantity(unit="m", text="material-length coordinate", length=1),
@@ -135,9 +123,9 @@ class Fields:
     def in_units(self, units: Units) -> Fields:
         """The fields of a dimensionless scene in the given units."""
         scaled = {
-            name: getattr(self, name) * units.of(length=quantity.length, force=quantity.force, rate=quantity.rate)
+            name: getattr(self, name) * scale
             for name, quantity in QUANTITIES.items()
-            if quantity.length or quantity.force or quantity.rate
+            if (scale := quantity.scale(units)) != 1.0
         }
         return replace(self, weight=self.weight * units.length, **scaled)
 

@@ -8,12 +8,12 @@ import io
 import json
 import platform
 import sys
-from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -21,10 +21,16 @@ import numpy as np
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
-from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict
+from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
+from belt_fenicsx.solution.certificate import Check
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import QUANTITIES, Fields
-from belt_fenicsx.solution.report import as_json
-from belt_fenicsx.solution.solution import Check, Contact, Evaluator, Solution, Stage, Status, Zone
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
+from belt_fenicsx.solution.summary import as_json
+
+if TYPE_CHECKING:
+    from belt_fenicsx.solution.solution import Evaluator, Solution
 
 EVALUATOR = "evaluator."  # before the names of what knows the fields between points
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
@@ -63,8 +69,8 @@ def save(solution: Solution, path: str | Path) -> None:
         np.savez_compressed(file, solution=text, **arrays)
 
 
-def load(path: str | Path) -> Solution:
-    """Reads a solution that `save` wrote.
+def load(path: str | Path) -> dict[str, Any]:
+    """Reads what `save` wrote, as arguments of a solution.
 
     Raises:
         SceneError: The file is not there, is damaged or holds something else.
@@ -83,21 +89,21 @@ def load(path: str | Path) -> Solution:
                 "arrays", f"be {', '.join(plain['arrays']) or 'none'}", Verbatim(", ".join(arrays) or "none")
             )
         between = {name: arrays.pop(name) for name in [*arrays] if name.startswith(EVALUATOR)}
-        solution = from_plain(plain, _fields(arrays) if arrays else None)
-        return replace(solution, evaluator=_evaluator(solution, between)) if between else solution
+        arguments = from_plain(plain, _fields(arrays) if arrays else None)
+        return {**arguments, "evaluator": _evaluator(arguments, between)} if between else arguments
     # A damaged archive, array or text has many ways to fail in the readers of Python and NumPy.
     except Exception as error:
         why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"
         raise SceneError("path", f"name a file that `save` wrote ({why})", str(path)) from None
 
 
-def _evaluator(solution: Solution, arrays: Mapping[str, Array]) -> Evaluator:
+def _evaluator(arguments: Mapping[str, Any], arrays: Mapping[str, Array]) -> Evaluator:
     """What knows the fields between points, from the arrays of a file: the method that found them."""
     named = {name.removeprefix(EVALUATOR): values for name, values in arrays.items()}
-    if solution.method not in METHODS:
-        raise SceneError("method", f"be one of {', '.join(METHODS)}", solution.method)
-    method = import_module(f"belt_fenicsx.{solution.method}.evaluator")
-    evaluator: Evaluator = method.Evaluator.from_arrays(solution.scene, solution.zones, named)
+    if arguments["method"] not in METHODS:
+        raise SceneError("method", f"be one of {', '.join(METHODS)}", arguments["method"])
+    method = import_module(f"belt_fenicsx.{arguments['method']}.evaluator")
+    evaluator: Evaluator = method.Evaluator.from_arrays(arguments["scene"], arguments["zones"], named)
     return evaluator
 
 
@@ -120,7 +126,7 @@ def _fields(arrays: Mapping[str, Array]) -> Fields:
 
 
 def to_plain(solution: Solution) -> dict[str, Any]:
-    """The solution without its arrays, as plain data for JSON; `from_plain` makes it again."""
+    """The solution without its arrays, as plain data for JSON, from which `from_plain` reads it again."""
     return {
         "scene": scene_to_dict(solution.scene),
         "method": solution.method,
@@ -138,18 +144,18 @@ def to_plain(solution: Solution) -> dict[str, Any]:
     }
 
 
-def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
-    """Makes a solution from plain data, with the given fields.
+def from_plain(plain: Any, fields_: Fields | None = None) -> dict[str, Any]:
+    """Arguments of a solution from plain data, with the given fields.
 
     Raises:
         SceneError: The data hold no solution.
     """
-    plain = _table(plain, "solution")
+    plain = table(plain, "solution")
     try:
         zones = _read("tuple[Zone, ...]", plain["zones"])
         if fields_ is not None and not np.all((fields_.zone >= 0) & (fields_.zone < len(zones))):
             raise SceneError("fields.zone", f"number {len(zones)} zones", Verbatim("others"))
-        return Solution(
+        return dict(
             scene=scene_from_dict(plain["scene"]),
             method=_read("str", plain["method"]),
             status=Status[_read("str", plain["status"])],
@@ -170,13 +176,7 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> Solution:
 
 
 def _numbers(plain: Mapping[str, Any], name: str) -> dict[str, float]:
-    return {key: _read("float", value) for key, value in _table(plain[name], name).items()}
-
-
-def _table(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise SceneError(name, "be a table of names and values", value)
-    return value
+    return {key: _read("float", value) for key, value in table(plain[name], name).items()}
 
 
 def _read(kind: str, value: Any) -> Any:
@@ -190,7 +190,7 @@ def _read(kind: str, value: Any) -> Any:
             raise SceneError("solution", f"hold a value of the kind {kind}", value)
         return value
     if kind in PARTS:
-        part = _table(value, kind)
+        part = table(value, kind)
         if set(part) != {f.name for f in fields(PARTS[kind])}:
             raise SceneError("solution", f"hold what makes a {kind}", Verbatim(", ".join(part) or "nothing"))
         return PARTS[kind](**{f.name: _read(str(f.type), part[f.name]) for f in fields(PARTS[kind])})
@@ -200,7 +200,7 @@ def _read(kind: str, value: Any) -> Any:
     return tuple(_read(members[0], item) for item in value)
 
 
-def _arrays(solution: Solution) -> dict[str, Array]:
+def _arrays(solution: Solution) -> dict[str, Any]:
     at_points = {} if solution.fields is None else {f.name: getattr(solution.fields, f.name) for f in fields(Fields)}
     between = {} if solution.evaluator is None else solution.evaluator.arrays
     return at_points | {f"{EVALUATOR}{name}": values for name, values in between.items()}
@@ -227,11 +227,15 @@ def columns(solution: Solution) -> dict[str, tuple[str, Array]]:
 
 def fields_csv(solution: Solution) -> str:
     """The fields as comma-separated values, with units in the header."""
-    table = columns(solution)
+    found = columns(solution)
+    header = [f"{name} [{unit}]" for name, (unit, _) in found.items()]
+    return as_csv([header, *zip(*(values.tolist() for _, values in found.values()), strict=True)])
+
+
+def as_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as comma-separated values."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([f"{name} [{unit}]" for name, (unit, _) in table.items()])
-    writer.writerows(zip(*(values.tolist() for _, values in table.values()), strict=True))
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 
@@ -244,10 +248,11 @@ def write_centreline(solution: Solution, path: str | Path) -> None:
     """
     import meshio
 
-    table = columns(solution)
-    points = np.column_stack([table["x"][1], table["y"][1], np.zeros_like(table["x"][1])])
+    values = {name: array for name, (_, array) in columns(solution).items()}
+    x, y = values.pop("x"), values.pop("y")
+    points = np.column_stack([x, y, np.zeros_like(x)])
     lines = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
-    data = {name: np.ascontiguousarray(values) for name, (_, values) in table.items() if name not in ("x", "y")}
+    data = {name: np.ascontiguousarray(array) for name, array in values.items()}
     with replaced(Path(path)) as partial:
         meshio.Mesh(points, [("line", lines)], point_data=data).write(partial)
 

@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from belt_fenicsx.scene.file import unknown_name
 from belt_fenicsx.solution.fields import QUANTITIES
 from belt_fenicsx.solution.files import COMPONENTS, columns
-from belt_fenicsx.solution.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from belt_fenicsx.solution.solution import Solution
 
 # Told apart in grey, too: by the kind of line for a method, by hatching and shade for a zone.
 STYLES = {
@@ -43,14 +44,14 @@ def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False
     Raises:
         SceneError: There is no such field, or the solution has none.
     """
-    fields, table = solution.fields, columns(solution)
+    table = columns(solution)
     if name not in table:
         raise unknown_name("name", name, table)
     unit, values = table[name]
-    free = np.array([zone.kind == "free" for zone in solution.zones])
-    shown = ~free[fields.zone] if contact_only else np.ones(len(fields.sigma), dtype=bool)
+    free = np.array([zone.kind == "free" for zone in solution.zones])[table["zone"][1]]
+    shown = ~free if contact_only else slice(None)
     style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
-    ax.plot(fields.x[shown], values[shown], **style)
+    ax.plot(table["x"][1][shown], values[shown], **style)
     mark_borders(solution, ax)
     ax.set_xlabel("x [m]")
     ax.set_ylabel(f"{_meaning(name)} {_symbol(name)} [{unit}]")
@@ -116,24 +117,25 @@ def deformed_belt(solution: Solution, ax: Axes) -> Axes:
     """
     from matplotlib.patches import Circle
 
-    scene, fields = solution.scene, solution.fields
+    scene, table = solution.scene, columns(solution)
+    x, y = table["x"][1], table["y"][1]
     for pulley in scene.pulleys:
         ax.add_patch(Circle(pulley.center, pulley.radius, facecolor="0.93", edgecolor="0.6", linewidth=0.8))
     named = set()
     for index, zone in enumerate(solution.zones):
-        inside = fields.zone == index
+        inside = table["zone"][1] == index
         if not inside.any():
             continue
         last = np.flatnonzero(inside)[-1]
         inside[min(last + 1, len(inside) - 1)] = True
         label = None if zone.name in named else zone.name
-        ax.plot(fields.x[inside], fields.y[inside], label=label, **ZONE_STYLES[zone.kind])
+        ax.plot(x[inside], y[inside], label=label, **ZONE_STYLES[zone.kind])
         named.add(zone.name)
     half = scene.span / 2
     ax.plot([-half, half], [0.0, 0.0], linestyle="none", marker="s", markersize=6, color="0.3", label="clamps")
     ax.annotate("", xy=(-0.72 * half, 0.18 * half), xytext=(-0.98 * half, 0.18 * half), arrowprops={"arrowstyle": "->"})
     ax.text(-0.98 * half, 0.22 * half, "travel", fontsize="small")
-    height = float(np.max(fields.y))
+    height = float(np.max(y))
     ax.set_aspect("equal")
     ax.set_xlim(-1.08 * half, 1.08 * half)
     ax.set_ylim(min(-0.25 * half, -0.5 * height), height + 0.22 * half)

@@ -1,58 +1,24 @@
-"""A solution as text to read, in one line and in many, as JSON, and as HTML for notebooks."""
+"""A solution as text to read, in one line and in many, and as HTML for notebooks."""
 
 from __future__ import annotations
 
 import base64
 import html
 import io
-import json
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from belt_fenicsx.scene.file import scene_to_dict
-from belt_fenicsx.solution.solution import Contact, Solution, Status
+from belt_fenicsx.solution.contact import QUANTITIES
+from belt_fenicsx.solution.status import Status
+from belt_fenicsx.solution.summary import difference_of_omega
 
 if TYPE_CHECKING:
-    from belt_fenicsx.sweeps.sweep import Sweep
+    from belt_fenicsx.solution.contact import Contact
+    from belt_fenicsx.solution.solution import Solution
 
 RESOLUTION = 80  # of a notebook's figure [dots per inch]
-SHOWN = 5  # rows of a sweep's table that a notebook shows, from its head and from its tail
-
-
-def as_json(solution: Solution, left_out: Mapping[str, Any] | None = None) -> str:
-    """The solution and its scene as one JSON object, without the arrays.
-
-    Args:
-        solution: The solution.
-        left_out: Values that a scene file left out, if the scene is from one.
-    """
-    return _json({"scene": scene_to_dict(solution.scene), **_left_out(left_out), **solution.summary()}, indent=2)
-
-
-def _left_out(values: Mapping[str, Any] | None) -> dict[str, Any]:
-    return {} if values is None else {"left_out": dict(values)}
-
-
-def _json(plain: Mapping[str, Any], indent: int | None = None) -> str:
-    return json.dumps(_finite(plain), indent=indent, allow_nan=False)
-
-
-def row_as_json(values: Mapping[str, Any], solution: Solution) -> str:
-    """A row of a sweep as one line of JSON: the values of its scene that change, and the answer."""
-    return _json({"values": dict(values), **solution.summary()})
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity; null stands for them."""
-    if isinstance(value, dict):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_text(solution: Solution) -> str:
@@ -60,15 +26,7 @@ def as_text(solution: Solution) -> str:
     lines = [] if solution.success else [f"*** {_mark(solution.status)} ***", ""]
     length = solution.scene.belt.length
     for contact in solution.contacts:
-        lines += [
-            f"omega        {contact.omega:18.12g} rad/s",
-            f"run-up       {_place(contact.x_up, length):>18} m",
-            f"transition   {_place(contact.x_trans, length):>18} m",
-            f"run-off      {_place(contact.x_off, length):>18} m",
-            f"torque       {contact.torque:18.10g} N m",
-            f"wrap angle   {contact.wrap_angle:18.10g} rad",
-            "",
-        ]
+        lines += [*(f"{name:<13}{value:>18} {unit}" for name, value, unit in _rows(contact, length)), ""]
     if solution.zones:
         lines.append(f"{'zone':<14}{'sigma [m]':^33}{'x [m]':^33}")
         for zone in solution.zones:
@@ -102,7 +60,10 @@ def as_html(solution: Solution) -> str:
     mark = "" if solution.success else f"<strong>{_mark(solution.status)}</strong><br>"
     sentences = (solution.status.value, solution.message, *solution.violations, *solution.hints)
     text = "<br>".join(html.escape(sentence) for sentence in sentences if sentence)
-    rows = [row for contact in solution.contacts for row in _html_rows(contact, solution.scene.belt.length)]
+    rows = []
+    for contact in solution.contacts:
+        rows += [(name, f"{value} {unit}") for name, value, unit in _rows(contact, solution.scene.belt.length)]
+        rows.append(("zones", ", ".join(zone.name for zone in contact.zones)))
     rows += [("method", solution.method), ("iterations", str(solution.iterations))]
     if not math.isnan(solution.error_estimate):
         rows.append(("estimated relative error of omega", f"{solution.error_estimate:.1e}"))
@@ -110,16 +71,12 @@ def as_html(solution: Solution) -> str:
     return f"<div><p>{mark}{text}</p><table>{table}</table>{_html_figure(solution)}</div>"
 
 
-def _html_rows(contact: Contact, length: float) -> list[tuple[str, str]]:
-    return [
-        ("omega", f"{contact.omega:.12g} rad/s"),
-        ("run-up", f"{_place(contact.x_up, length)} m"),
-        ("transition", f"{_place(contact.x_trans, length)} m"),
-        ("run-off", f"{_place(contact.x_off, length)} m"),
-        ("torque", f"{contact.torque:.10g} N m"),
-        ("wrap angle", f"{contact.wrap_angle:.10g} rad"),
-        ("zones", ", ".join(zone.name for zone in contact.zones)),
-    ]
+def _rows(contact: Contact, length: float) -> Iterator[tuple[str, str, str]]:
+    """Names, values and units of what a contact has."""
+    for name, quantity in QUANTITIES.items():
+        value = getattr(contact, name)
+        digits = 12 if name == "omega" else 10
+        yield quantity.text, _place(value, length) if quantity.unit == "m" else f"{value:.{digits}g}", quantity.unit
 
 
 def _html_figure(solution: Solution) -> str:
@@ -137,30 +94,6 @@ def _html_figure(solution: Solution) -> str:
     return f'<img alt="The deformed belt on its pulley" src="data:image/png;base64,{data}">'
 
 
-def sweep_as_line(sweep: Sweep) -> str:
-    """A sweep in one line: how many scenes, over what, and how they ended."""
-    over = ""
-    if sweep.over is not None and sweep.values:
-        paths = sweep.over if isinstance(sweep.over, str) else ", ".join(sweep.over)
-        over = f" over {paths} = {sweep.values[0]} ... {sweep.values[-1]}"
-    ends = Counter(solution.status.name for solution in sweep.solutions)
-    return f"<Sweep of {len(sweep.solutions)} scenes{over}: {', '.join(f'{n} {name}' for name, n in ends.items())}>"
-
-
-def sweep_as_html(sweep: Sweep) -> str:
-    """The head and the tail of a sweep's table."""
-    header, *rows = sweep.rows()
-    if len(rows) > 2 * SHOWN:
-        rows[SHOWN:-SHOWN] = [["..."] * len(header)]
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
-    body = "".join(f"<tr>{''.join(f'<td>{html.escape(_short(value))}</td>' for value in row)}</tr>" for row in rows)
-    return f"<div><p>{html.escape(sweep_as_line(sweep))}</p><table><tr>{head}</tr>{body}</table></div>"
-
-
-def _short(value: Any) -> str:
-    return f"{value:.10g}" if isinstance(value, float) else str(value)
-
-
 def certificates(solutions: Sequence[Solution]) -> str:
     """The certificates of a scene's solutions, below each other, and how far the solutions agree."""
     lines = []
@@ -175,28 +108,9 @@ def certificates(solutions: Sequence[Solution]) -> str:
             verdict = "" if check.holds else "  violated"
             lines.append(f"  {check.name:<42}{check.margin:>11.2e}{-check.tolerance:>11.0e}{check.x:>13.6g}{verdict}")
         lines.append("")
-    if (difference := _difference(solutions)) is not None:
+    if (difference := difference_of_omega(solutions)) is not None:
         lines.append(f"relative difference of omega {difference:.1e}")
     return "\n".join(lines)
-
-
-def certificates_as_json(solutions: Sequence[Solution], left_out: Mapping[str, Any] | None = None) -> str:
-    """What `certificates` tells as one JSON object."""
-    plain = [
-        {**solution.summary(), "checks": [{**asdict(check), "holds": check.holds} for check in solution.checks]}
-        for solution in solutions
-    ]
-    scene = scene_to_dict(solutions[0].scene)
-    difference = {"relative_difference_of_omega": _difference(solutions)}
-    return _json({"scene": scene, **_left_out(left_out), "solutions": plain, **difference}, indent=2)
-
-
-def _difference(solutions: Sequence[Solution]) -> float | None:
-    """How far two solutions differ in omega; None where one has none, or both have none but zero."""
-    if not all(solution.contacts for solution in solutions):
-        return None
-    first, second = (solution.contacts[0].omega for solution in solutions)
-    return 0.0 if first == second else (first - second) / max(abs(first), abs(second))
 
 
 def _mark(status: Status) -> str:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.fields import Fields, same_values
+from belt_fenicsx.solution.status import Status
+
+if TYPE_CHECKING:
+    from belt_fenicsx.solution.certificate import Check
+    from belt_fenicsx.solution.contact import Contact, Zone
+    from belt_fenicsx.solution.stages import Stage
 
 
 class Evaluator(Protocol):
@@ -27,143 +31,6 @@ class Evaluator(Protocol):
 
     def __call__(self, sigma: Array, before: bool) -> Fields:
         """Fields at points ``(m,)`` [m], at a border those of the zone before it, or after it."""
-
-
-class Status(enum.Enum):
-    """How a solve ended; the value is the sentence for the user."""
-
-    SOLVED = "Solved: the iteration converged and the state is admissible."
-    NOT_ADMISSIBLE = "The iteration converged, but the state is not admissible."
-    NEWTON_DIVERGED = "Newton's iteration did not converge."
-    MULTIPLIERS_DIVERGED = "The updates of the contact multipliers did not converge."
-    REFUSED = "The scene cannot be meant as it is."
-    CONTACT_LOST = "The iteration lost the contact between the belt and the pulley."
-    NO_CONTACT = "The straight belt does not touch the pulley: there is nothing to solve."
-    ACCURACY_NOT_REACHED = "The iteration converged, but not to the accuracy that was asked for."
-    CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
-
-
-# Ends of an iteration that say nothing of their reason.
-BLIND = (Status.NEWTON_DIVERGED, Status.MULTIPLIERS_DIVERGED, Status.CONTACT_LOST)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Zone:
-    """A part of the belt with one contact state.
-
-    Attributes:
-        kind: ``"free"``, ``"stick"`` or ``"slip"``.
-        slip: Sense of sliding of a slip zone, otherwise None.
-        sigma: Ends ``(2,)`` in the material-length coordinate [m].
-        x: Ends ``(2,)`` in the global coordinate [m].
-    """
-
-    kind: str
-    slip: Slip | None = None
-    sigma: tuple[float, float]
-    x: tuple[float, float]
-
-    @property
-    def name(self) -> str:
-        """The contact state in words, as in ``"forward slip"``."""
-        return f"{self.slip} slip" if self.slip else self.kind
-
-    def in_units(self, units: Units) -> Zone:
-        """The zone of a dimensionless scene in the given units."""
-        length = units.length
-        return Zone(
-            kind=self.kind,
-            slip=self.slip,
-            sigma=(self.sigma[0] * length, self.sigma[1] * length),
-            x=(self.x[0] * length, self.x[1] * length),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Contact:
-    """The contact of the belt with one pulley.
-
-    Attributes:
-        omega: Angular velocity of the pulley [rad/s], positive where its top moves with the belt.
-        x_up: Run-up point [m].
-        x_trans: Transition from stick to slip [m]; the run-off in pure stick, the run-up in pure slip.
-        x_off: Run-off point [m].
-        torque: Moment of the belt on the pulley [N m], positive where it drives it along.
-        wrap_angle: Angle of the pulley between run-up and run-off [rad].
-        zones: The contact's zones, in the direction of travel.
-    """
-
-    omega: float
-    x_up: float
-    x_trans: float
-    x_off: float
-    torque: float
-    wrap_angle: float
-    zones: tuple[Zone, ...]
-
-    def in_units(self, units: Units) -> Contact:
-        """The contact of a dimensionless scene in the given units."""
-        length = units.length
-        return Contact(
-            omega=self.omega * units.of(length=-1, rate=1),
-            x_up=self.x_up * length,
-            x_trans=self.x_trans * length,
-            x_off=self.x_off * length,
-            torque=self.torque * units.of(length=1, force=1),
-            wrap_angle=self.wrap_angle,
-            zones=tuple(zone.in_units(units) for zone in self.zones),
-        )
-
-    def __repr__(self) -> str:
-        zones = ", ".join(zone.name for zone in self.zones)
-        return (
-            f"<Contact omega = {self.omega:.12g} rad/s, x = {self.x_up:.6g} ... {self.x_trans:.6g} ... "
-            f"{self.x_off:.6g} m, torque = {self.torque:.6g} N m, wrap angle = {self.wrap_angle:.6g} rad: {zones}>"
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """One line of the certificate.
-
-    Attributes:
-        name: What must hold.
-        margin: How far it holds, relative to the natural size of the checked quantity; negative where it does not.
-        tolerance: The negative margin that the discretisation is allowed.
-        x: Where the margin is smallest [m].
-    """
-
-    name: str
-    margin: float
-    tolerance: float
-    x: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether the margin is within the tolerance; false for NaN."""
-        return bool(self.margin >= -self.tolerance)
-
-    def __str__(self) -> str:
-        verdict = "holds" if self.holds else "violated"
-        margin = f"margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
-        return f"{self.name}: {verdict}, {margin}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stage:
-    """A stage of a solve.
-
-    Attributes:
-        name: The stage.
-        why: Why it ran, or why the scene did not need it.
-        iterations: Newton iterations; None where the stage was skipped.
-        seconds: Wall time [s].
-    """
-
-    name: str
-    why: str
-    iterations: int | None = None
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -315,60 +182,10 @@ class Solution:
         """
         from belt_fenicsx.solution.files import load
 
-        return load(path)
+        return Solution(**load(path))
 
     def summary(self) -> dict[str, Any]:
         """Everything but the arrays, as plain data for JSON."""
-        contacts = [{f.name: getattr(c, f.name) for f in fields(c) if f.name != "zones"} for c in self.contacts]
-        for plain, contact in zip(contacts, self.contacts, strict=True):
-            plain["zones"] = [_zone_summary(zone) for zone in contact.zones]
-        return {
-            "method": self.method,
-            "status": self.status.name,
-            "message": self.message or self.status.value,
-            "success": self.success,
-            "admissible": self.admissible,
-            "violations": list(self.violations),
-            "hints": list(self.hints),
-            "omega": self.contacts[0].omega if len(self.contacts) == 1 else None,
-            "contacts": contacts,
-            "zones": [_zone_summary(zone) for zone in self.zones],
-            "iterations": self.iterations,
-            "error_estimate": None if np.isnan(self.error_estimate) else self.error_estimate,
-            "field_errors": dict(self.field_errors),
-            "measures": dict(self.measures),
-            "stages": [{f.name: getattr(stage, f.name) for f in fields(stage)} for stage in self.stages],
-            "timings": dict(self.timings),
-        }
+        from belt_fenicsx.solution.summary import summary
 
-
-def _zone_summary(zone: Zone) -> dict[str, Any]:
-    return {"kind": zone.kind, "slip": zone.slip, "sigma": list(zone.sigma), "x": list(zone.x)}
-
-
-class SolveError(RuntimeError):
-    """A solve that gave no admissible answer; ``solution`` holds what there is.
-
-    Attributes:
-        solution: The failed solution.
-    """
-
-    def __init__(self, solution: Solution) -> None:
-        self.solution = solution
-        super().__init__(solution)
-
-    def __str__(self) -> str:
-        solution = self.solution
-        parts = (solution.status.value, solution.message, *solution.violations, *solution.hints)
-        return " ".join(part for part in parts if part)
-
-
-def finish(solution: Solution, *, throw: bool) -> Solution:
-    """Gives back a good solution; raises for another one, or gives it back too where ``throw`` is false.
-
-    Raises:
-        SolveError: The solution is not a success and ``throw`` is true.
-    """
-    if throw and not solution.success:
-        raise SolveError(solution)
-    return solution
+        return summary(self)

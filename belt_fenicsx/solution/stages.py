@@ -3,9 +3,27 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 from belt_fenicsx.backend import interrupts
-from belt_fenicsx.solution.solution import Stage, Status
+from belt_fenicsx.solution.status import Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A stage of a solve.
+
+    Attributes:
+        name: The stage.
+        why: Why it ran, or why the scene did not need it.
+        iterations: Newton iterations; None where the stage was skipped.
+        seconds: Wall time [s].
+    """
+
+    name: str
+    why: str
+    iterations: int | None = None
+    seconds: float = 0.0
 
 
 class Stages(list[Stage]):

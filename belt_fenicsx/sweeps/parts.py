@@ -115,4 +115,4 @@ def _answers(path: Path) -> Iterator[tuple[str, Solution]]:
             with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
                 plain = json.loads(line)
                 if plain["digest"] == _digest([plain["key"], plain["solution"]]):
-                    yield plain["key"], from_plain(plain["solution"])
+                    yield plain["key"], Solution(**from_plain(plain["solution"]))

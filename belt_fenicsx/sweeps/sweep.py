@@ -1,15 +1,13 @@
 """Many scenes, on one process or on many ranks: each starts from the answer before it, from nothing where that fails.
 
-The scenes go to ranks in contiguous chunks (`sweep_ranks`); finished ones are kept for a restart (`sweep_parts`).
+The scenes go to ranks in contiguous chunks (`ranks`); finished ones are kept for a restart (`parts`).
 """
 
 from __future__ import annotations
 
 import contextlib
-import csv
 import functools
 import inspect
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,23 +20,19 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.file import with_values
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import QUANTITIES
 from belt_fenicsx.solution.fields import same_values
-from belt_fenicsx.solution.solution import Solution, Stage, Status
+from belt_fenicsx.solution.files import as_csv
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solver import solve
 from belt_fenicsx.sweeps.parts import Parts, keys
 from belt_fenicsx.sweeps.ranks import OneProcess, Ranks, ranks_of
+from belt_fenicsx.sweeps.table import as_html, as_line, header, of_contact, row
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-COLUMNS = {
-    "omega": "rad/s",
-    "x_up": "m",
-    "x_trans": "m",
-    "x_off": "m",
-    "torque": "N m",
-    "wrap_angle": "rad",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,14 +59,10 @@ class Sweep:
         return hash((self.over, self.solutions))
 
     def __repr__(self) -> str:
-        from belt_fenicsx.solution.report import sweep_as_line
-
-        return sweep_as_line(self)
+        return as_line(self)
 
     def _repr_html_(self) -> str:
-        from belt_fenicsx.solution.report import sweep_as_html
-
-        return sweep_as_html(self)
+        return as_html(self)
 
     @property
     def success(self) -> bool:
@@ -87,8 +77,8 @@ class Sweep:
         Raises:
             KeyError: There is no such column.
         """
-        if name in COLUMNS:
-            return np.array([_of_contact(solution, name) for solution in self.solutions])
+        if name in QUANTITIES:
+            return np.array([of_contact(solution, name) for solution in self.solutions])
         if name in ("error_estimate", "iterations"):
             return np.array([getattr(solution, name) for solution in self.solutions])
         raise KeyError(name)
@@ -100,32 +90,6 @@ class Sweep:
     def csv(self) -> str:
         """The table as comma-separated values."""
         return as_csv(self.rows())
-
-
-def header(over: str | tuple[str, ...] | None) -> list[str]:
-    """Names of a table's columns, with units."""
-    changed = [over or "scene"] if not isinstance(over, tuple) else over
-    columns = [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
-    return [*changed, *columns, "error_estimate [-]", "iterations", "status"]
-
-
-def row(value: Any, solution: Solution) -> list[Any]:
-    """A row of a table, from the value, or the tuple of values, of its scene."""
-    changed = value if isinstance(value, tuple) else (value,)
-    quantities = [_of_contact(solution, name) for name in COLUMNS]
-    return [*changed, *quantities, solution.error_estimate, solution.iterations, solution.status.name]
-
-
-def as_csv(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows as comma-separated values."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
-
-
-def _of_contact(solution: Solution, name: str) -> float:
-    """A quantity of the only contact; NaN where the answer is not one to rely on."""
-    return float(getattr(solution.contacts[0], name)) if solution.success else float("nan")
 
 
 def sweep(

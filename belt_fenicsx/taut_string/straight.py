@@ -7,8 +7,11 @@ import math
 import numpy as np
 
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Solution, Stage, Status, Zone
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
 
 
 def touches(scene: Scene) -> bool:

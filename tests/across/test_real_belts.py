@@ -94,6 +94,8 @@ def test_a_free_spans_force_is_constant_to_rounding():
     [
         (band(1e-4), 5.00501205, 10.029331),
         (scene(friction=1e-3, torque=0.0), 1.4823968214, 0.0),
+        (scene(friction=1e-6), 1.482382469674, 0.00581002379),
+        (scene(friction=1e-7), 1.482382469702, 0.00058162956),
         (scene(torque=1e-3), 1.482515100271, 1e-3),
         (scene(torque=0.0), 1.4825151024971, 0.0),
         (
@@ -117,7 +119,8 @@ def test_a_free_spans_force_is_constant_to_rounding():
         (scene(friction=0.0, omega=0.0), 0.0, 0.0),
     ],
     ids=[
-        "thin steel band", "free idler, little friction", "torque next to pure stick", "free idler",
+        "thin steel band", "free idler, little friction", "friction 1e-6", "friction 1e-7",
+        "torque next to pure stick", "free idler",
         "transition past the vertical", "transition next to the run-up", "very thin", "small pulley",
         "little friction, torque", "little friction, speed", "smooth pulley that stands still",
     ],
@@ -135,6 +138,30 @@ def test_a_torque_next_to_pure_stick_is_not_pure_stick():
     solution = solve(scene(torque=1e-3))
     assert [zone.kind for zone in solution.contacts[0].zones] == ["stick", "slip"]
     assert solution.omega == pytest.approx(1.482515100271, rel=1e-11)
+
+
+@pytest.mark.parametrize("torque", 3e-4 * np.linspace(1.0, 1.02, 6))
+def test_short_slip_zones_are_known_well(torque):
+    solution = solve(scene(torque=torque))
+    assert solution.contacts[0].torque == pytest.approx(torque, abs=1e-9 * CAPACITY)
+    assert max(solution.field_errors.values()) < 1e-5
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.02])
+def test_friction_in_stick_is_as_well_known_as_it_is_said_to_be(friction):
+    solution, fine = solve(scene(friction=friction)), solve(scene(friction=friction), rtol=1e-10)
+    (start, end) = next(zone.sigma for zone in solution.contacts[0].zones if zone.kind == "stick")
+    sigma = start + (end - start) * np.linspace(0.02, 0.98, 201)
+    f, exact = solution.evaluate(sigma).f, fine.evaluate(sigma).f
+    assert np.abs(f - exact).max() < solution.field_errors["f"] * np.abs(solution.fields.f).max()
+    assert solution.field_errors["f"] < 1e-4
+
+
+def test_a_friction_too_little_for_its_field_says_so():
+    solution = solve(scene(friction=3e-8), throw=False)
+    assert solution.admissible and solution.omega == pytest.approx(1.482382469705, rel=1e-10)
+    assert solution.contacts[0].torque == pytest.approx(5816.8 * 3e-8, rel=1e-4)
+    assert solution.success or (solution.status is Status.ACCURACY_NOT_REACHED and "field f" in solution.message)
 
 
 @pytest.mark.parametrize("part", [1e-2, 1e-3, 1e-4, 1e-5])
@@ -193,10 +220,13 @@ def test_friction_that_leaves_the_belt_slack_is_named(method, friction):
     assert "the belt is slack at one end of the contact" in solution.message
 
 
-@pytest.mark.parametrize("drive", [{"torque": 10.0}, {"omega": 1.48}])
-def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed(drive):
-    solution = solve(scene(friction=1e9, **drive), throw=False)
-    assert not solution.success
+def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed():
+    assert not solve(scene(friction=1e9, torque=10.0), throw=False).success
+
+
+def test_more_and_more_friction_holds_the_belt_up_to_its_run_off():
+    torques = [solve(scene(friction=friction, omega=1.48)).contacts[0].torque for friction in (1e3, 1e5, 1e7)]
+    assert torques == pytest.approx([1128.92007 - 63.8 / friction for friction in (1e3, 1e5, 1e7)], abs=2e-3)
 
 
 @pytest.mark.parametrize("omega", [-5.0, 0.0, 1e6])

@@ -34,10 +34,10 @@ def default_handlers():
 
 def test_a_signal_waits_for_the_end_of_the_block():
     done = []
-    with pytest.raises(KeyboardInterrupt), interrupts.held():
+    with pytest.raises(KeyboardInterrupt), interrupts.defer():
         os.kill(os.getpid(), signal.SIGINT)
         done.append("first")
-        with interrupts.held():
+        with interrupts.defer():
             done.append("inner")
         done.append("last")
     assert done == ["first", "inner", "last"]
@@ -45,7 +45,7 @@ def test_a_signal_waits_for_the_end_of_the_block():
 
 @pytest.mark.parametrize("number", interrupts.SIGNALS)
 def test_a_signal_ends_the_block_where_it_may(number):
-    with pytest.raises(KeyboardInterrupt), interrupts.held():
+    with pytest.raises(KeyboardInterrupt), interrupts.defer():
         interrupts.check()
         os.kill(os.getpid(), number)
         interrupts.check()
@@ -54,7 +54,7 @@ def test_a_signal_ends_the_block_where_it_may(number):
 
 def test_ignored_signals_stay_so():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with interrupts.held():
+    with interrupts.defer():
         os.kill(os.getpid(), signal.SIGINT)
         interrupts.check()
     assert signal.signal(signal.SIGINT, signal.default_int_handler) is signal.SIG_IGN
@@ -64,7 +64,7 @@ def test_other_threads_have_no_signals():
     done = []
 
     def work():
-        with interrupts.held():
+        with interrupts.defer():
             interrupts.check()
             done.append(signal.getsignal(signal.SIGINT))
 

@@ -109,7 +109,7 @@ def test_rows_of_a_sweep_are_those_of_one_process(form, capsys):
 
 def test_rows_of_other_ranks_come_as_they_are_solved():
     code = """
-from belt_fenicsx.sweeps.ranks import Relay
+from belt_fenicsx.sweeps.relay import Relay
 shown = []
 rows = Relay(MPI.COMM_WORLD, shown.append)
 if rank == 1:

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from belt_fenicsx import bvp
-from belt_fenicsx.bvp.equations import Free, Rod, Slip, Stick
+from belt_fenicsx.bvp.equations import Free, Slip, Stick
 from belt_fenicsx.bvp.guess import guess
 from belt_fenicsx.bvp.newton import newton, refined
 from belt_fenicsx.bvp.order import pose
-from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, moment, onset
+from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, onset
 from belt_fenicsx.bvp.reading import speed
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import SolveError, Status
+from belt_fenicsx.solution.status import SolveError, Status
 from belt_fenicsx.taut_string.string import taut_string
 
 OMEGA = 1.4807092526223  # of the source's scene
@@ -321,48 +321,6 @@ def test_stiffnesses_given_directly(tight):
         shear_stiffness=belt.shear_stiffness,
     )
     assert bvp.solve(replace(Scene(), belt=direct), rtol=1e-12).omega == tight.omega
-
-
-ROD = Rod(a=2e-4, b1=1.0, b2=0.34, radius=0.7, center=(0.02, -0.57))
-ZONE_LISTS = {
-    "stick | slip": ((Free(), Stick(), Slip(0.2), Free()), (Condition(((1, LAST, component(0)),), 0.1),)),
-    "slip | stick | slip": (
-        (Free(), Slip(0.02), Stick(), Slip(-0.4), Free()),
-        (
-            Condition(((1, LAST, onset(ROD, Slip(0.02))),)),
-            Condition(((1, FIRST, moment(ROD, 1.0)), (3, LAST, moment(ROD, -1.0))), 0.01),
-        ),
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("zones", "conditions"), ZONE_LISTS.values(), ids=ZONE_LISTS.keys())
-def test_jacobians_against_differences(zones, conditions):
-    problem = Problem(ROD, 1.0, zones, conditions)
-    n, k = problem.size
-    rng = np.random.default_rng(7)
-    y, p = rng.uniform(0.2, 1.2, (n, 2)), rng.uniform(0.1, 0.5, k)
-    point = np.concatenate([y[:, 0], y[:, 1], p])
-    xi, widths = np.array([0.3]), rng.uniform(0.05, 0.5, len(zones))
-
-    def split(z):
-        return z[:n], z[n : 2 * n], z[2 * n :]
-
-    def rate(z):
-        first, _, parameters = split(z)
-        return problem.rate(xi, first[:, None], parameters, widths)[:, 0]
-
-    def residual(z):
-        return problem.residual(*split(z))
-
-    assert residual(point).shape == (n + k,)
-    dy, dp = problem.rate_jacobian(xi, y[:, :1], p, widths)
-    exact_rate = np.hstack([dy[:, :, 0], np.zeros((n, n)), dp[:, :, 0]])
-    exact_residual = np.hstack(problem.residual_jacobian(y[:, 0], y[:, 1], p))
-    for function, exact in ((rate, exact_rate), (residual, exact_residual)):
-        step = 1e-6
-        differences = [(function(point + d) - function(point - d)) / (2 * step) for d in step * np.eye(point.size)]
-        np.testing.assert_allclose(exact, np.transpose(differences), atol=1e-8 * np.max(np.abs(exact)))
 
 
 def test_no_finite_elements_are_loaded():

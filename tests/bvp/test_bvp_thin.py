@@ -15,8 +15,8 @@ from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import SolveError, Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import SolveError, Status
 from belt_fenicsx.taut_string.string import taut_string
 
 

@@ -11,7 +11,7 @@ from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Status
+from belt_fenicsx.solution.status import Status
 
 
 def scene(*, radius=0.7, center=(0.0, -0.575), friction=0.2, span=1.0, belt=None, **drive):

@@ -16,11 +16,16 @@ from matplotlib import figure
 from mpi4py import MPI
 
 from belt_fenicsx import solve
-from belt_fenicsx.command import arguments
+from belt_fenicsx.command import arguments, reports
 from belt_fenicsx.command import main as cli
+from belt_fenicsx.command.process import own_rank
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.certificate import Check
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.solution import Check, Contact, Solution, Stage, Status, Zone
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stage
+from belt_fenicsx.solution.status import Status
 
 serial = pytest.mark.serial
 SCENE = str(Path(__file__).parents[2] / "demos" / "one_pulley.toml")
@@ -113,7 +118,7 @@ BAD = [
 @pytest.mark.parametrize(("argv", "field", "expected"), BAD, ids=lambda value: " ".join(value)[:50])
 def test_bad_arguments(argv, field, expected, capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_solver", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr(reports, "solver", lambda *_: pytest.fail("solved"))
     assert cli.main(argv) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -136,13 +141,13 @@ def test_no_traceback_reaches_the_user(argv):
 @pytest.mark.parametrize("rtol", ["0", "-1e-8", "1", "1e-30", "nan", "inf"])
 def test_tolerances_out_of_range(method, rtol, capfd):
     assert cli.main([f"--rtol={rtol}", "--method", method]) == 2
-    if cli._rank() == 0:
+    if own_rank() == 0:
         assert "`rtol` must " in capfd.readouterr().err
 
 
 def test_bad_input_is_told_once_and_ends_all_ranks(capsys):
     assert cli.main(["--rtol", "x"]) == 2
-    assert bool(capsys.readouterr().err) == (cli._rank() == 0)
+    assert bool(capsys.readouterr().err) == (own_rank() == 0)
 
 
 @serial
@@ -215,7 +220,7 @@ def answer(monkeypatch):
     """Lets the command line find the given solution, without a solver."""
 
     def set_answer(solution):
-        monkeypatch.setattr(cli, "_solver", lambda *_: lambda scene: solution)
+        monkeypatch.setattr(reports, "solver", lambda *_: lambda scene: solution)
 
     return set_answer
 
@@ -278,7 +283,7 @@ def test_interrupted(monkeypatch, capsys):
     def interrupted(scene):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_solver", lambda *_: interrupted)
+    monkeypatch.setattr(reports, "solver", lambda *_: interrupted)
     assert cli.main(["--method", "bvp"]) == 130
     assert capsys.readouterr().err == "belt-fenicsx: interrupted.\n"
 
@@ -363,17 +368,17 @@ def test_petsc_options_reach_petsc(method):
 def test_finite_elements_print_on_rank_0_and_agree_on_the_code(capfd):
     assert cli.main(["--method", "augmented-lagrangian", "--json"]) == 0
     out = capfd.readouterr().out
-    assert ('"omega"' in out) == (cli._rank() == 0)
+    assert ('"omega"' in out) == (own_rank() == 0)
 
 
 def test_a_mesh_from_a_file(capfd, tmp_path):
     assert cli.main(["--mesh", MESH, *FIXED, "--json"]) == 0
     out = capfd.readouterr().out
-    if cli._rank() == 0:
+    if own_rank() == 0:
         assert json.loads(out)["omega"] == pytest.approx(1.4807092526, rel=1e-6)
     assert cli.main(["--mesh", MESH, *FIXED, "--set", "belt.length=1.01"]) == 2
     err = capfd.readouterr().err
-    if cli._rank() == 0:
+    if own_rank() == 0:
         assert "`mesh` must cover the belt, [-0.505, 0.505] [m], got [-0.5, 0.5]" in err
 
 
@@ -395,7 +400,7 @@ def test_verbose_tells_the_course_of_the_solve(method, logger, line, caplog):
     caplog.set_level(logging.INFO, logger="belt_fenicsx")
     solve(Scene(), method=method)
     told = [record.getMessage() for record in caplog.records if record.name == f"belt_fenicsx.{logger}"]
-    assert bool(told) == (method == "fitted" or cli._rank() == 0)
+    assert bool(told) == (method == "fitted" or own_rank() == 0)
     assert all(re.fullmatch(line, text) for text in told[:1])
 
 
@@ -413,7 +418,7 @@ def test_sweep_over_ranks_writes_its_table_once(capfd, tmp_path):
     argv = ["sweep", "--method", "bvp", "--rtol", "1e-4", "--over", "pulleys.0.x_trans=-0.1:0.1:5", "--out", str(table)]
     assert cli.main(argv) == 0
     out, err = capfd.readouterr()
-    assert out == (f"{table}: 5 scenes, 5 solved\n" if cli._rank() == 0 else "")
+    assert out == (f"{table}: 5 scenes, 5 solved\n" if own_rank() == 0 else "")
     assert err == ""
     assert len(table.read_text().splitlines()) == 6
 
@@ -511,8 +516,8 @@ def test_rows_are_told_as_they_are_found(monkeypatch):
         told.append("solve")
         return Solution(scene=scene, method="made up", status=Status.SOLVED, contacts=(CONTACT,))
 
-    monkeypatch.setattr(cli, "_solver", lambda *_: solver)
-    monkeypatch.setattr(cli, "_print", told.append)
+    monkeypatch.setattr(reports, "solver", lambda *_: solver)
+    monkeypatch.setattr(reports, "show", told.append)
     cli.main(["sweep", "--over", "pulleys.0.x_trans=0,0.1"])
     assert [text.split(",")[0] for text in told] == ["solve", "pulleys.0.x_trans", "solve", "0.1"]
     assert "\n0," in told[1]
@@ -522,7 +527,7 @@ def test_rows_of_all_ranks_are_told_in_their_order(capfd):
     argv = ["sweep", "--method", "bvp", "--rtol", "1e-4", "--over", "pulleys.0.x_trans=-0.1:0.1:3"]
     assert cli.main(argv) == 0
     out = capfd.readouterr().out
-    values = ["pulleys.0.x_trans", "-0.1", "0.0", "0.1"] if cli._rank() == 0 else []
+    values = ["pulleys.0.x_trans", "-0.1", "0.0", "0.1"] if own_rank() == 0 else []
     assert [line.split(",")[0] for line in out.splitlines()] == values
 
 

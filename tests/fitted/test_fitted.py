@@ -24,7 +24,8 @@ from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.sweeps.sweep import sweep
 from belt_fenicsx.taut_string.string import taut_string
 
@@ -248,10 +249,10 @@ def test_warm_start_leaves_out_the_string():
 
 
 @pytest.mark.parametrize("step", [2e-4, 0.01])
-def test_warm_start_takes_half_of_the_newton_iterations(step):
+def test_warm_start_spares_the_way_from_the_string(step):
     first = solve(Scene())
     warm, cold = (solve(scene(x_trans=step), initial=initial) for initial in (first, None))
-    assert 2 * warm.iterations <= cold.iterations
+    assert warm.iterations <= cold.iterations - 2
     assert abs(warm.omega / cold.omega - 1.0) < warm.error_estimate + cold.error_estimate
 
 
@@ -422,6 +423,7 @@ def test_lagrange_polynomials(degree):
     np.testing.assert_allclose(values @ nodes**degree, at**degree, atol=1e-12)
     np.testing.assert_allclose(slopes @ nodes**degree, degree * at ** (degree - 1), atol=1e-10)
     np.testing.assert_allclose(gauss_basis(degree, gauss), np.eye(degree), atol=1e-11)
+    assert gauss_basis(degree, gauss[:0]).shape == (0, degree)
 
 
 @pytest.mark.serial

@@ -21,7 +21,7 @@ from belt_fenicsx.layout.layout import ordered, posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.solution import Status
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.string import taut_string
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
@@ -160,3 +160,12 @@ def test_a_singular_step_is_a_failure_and_no_crash(monkeypatch):
 
     monkeypatch.setattr(Condensed, "step", singular)
     assert solve(Scene(), throw=False).status is Status.NEWTON_DIVERGED
+
+
+def test_sliding_turns_by_way_of_a_short_stick_zone(stress):
+    scene = list(stress["scenes"](134, 2, "wide"))[133]
+    solution, reference = solve(scene), bvp.solve(scene, rtol=1e-11)
+    assert order(solution) == order(reference)
+    assert [kind for kind, _ in order(solution)] == ["slip", "stick", "slip", "slip"]
+    assert solution.omega == pytest.approx(2.20037713018, rel=1e-9)
+    assert stress["difference"](solution, reference) < 1e-8

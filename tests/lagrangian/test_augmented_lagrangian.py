@@ -11,6 +11,7 @@ from mpi4py import MPI
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, SolveError, Status, solve
 from belt_fenicsx.lagrangian import method as augmented_lagrangian
 from belt_fenicsx.lagrangian.multipliers import Penalties
+from belt_fenicsx.lagrangian.tolerances import Tolerances
 
 solve_fixed = functools.partial(solve, method="augmented-lagrangian")
 
@@ -146,12 +147,14 @@ def test_mirror_with_reversed_travel_exchanges_the_senses_of_slip():
 
 @pytest.mark.parametrize("scale", [1e-1, 1e1, 1e2, 1e3, 1e4])
 def test_answer_does_not_depend_on_the_penalty(published, scale):
-    assert augmented_lagrangian.solve(Scene(), penalty_scale=scale).omega == pytest.approx(published.omega, rel=1e-8)
+    assert augmented_lagrangian.solve(Scene(), tolerances=Tolerances(penalty_scale=scale)).omega == pytest.approx(
+        published.omega, rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1e-3, 1e-2])
 def test_too_soft_a_penalty_is_no_answer(scale):
-    solution = augmented_lagrangian.solve(Scene(), penalty_scale=scale)
+    solution = augmented_lagrangian.solve(Scene(), tolerances=Tolerances(penalty_scale=scale))
     assert solution.status is Status.MULTIPLIERS_DIVERGED
     assert "200 updates left" in solution.message
 
@@ -209,12 +212,11 @@ def test_same_omega_on_any_number_of_ranks(elements):
     assert MPI.COMM_WORLD.allgather(together.omega) == [together.omega] * MPI.COMM_WORLD.size
 
 
-def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
-    monkeypatch.setattr(augmented_lagrangian, "SHARED", 150)
+def test_ranks_share_the_large_meshes_only_and_say_so(caplog):
     caplog.set_level(logging.INFO, logger="belt_fenicsx")
     size, count = MPI.COMM_WORLD.size, 150 * MPI.COMM_WORLD.size
     small, large, alone = (
-        solve_fixed(Scene(), elements=elements, comm=comm)
+        augmented_lagrangian.solve(Scene(), elements=elements, comm=comm, tolerances=Tolerances(shared=150))
         for elements, comm in ((100, None), (2 * count, None), (2 * count, MPI.COMM_SELF))
     )
     assert [stage.why for stage in small.stages if stage.name == "sharing"] == (
@@ -224,8 +226,8 @@ def test_ranks_share_the_large_meshes_only_and_say_so(monkeypatch, caplog):
     assert any(stage.name.startswith("sharing, ") for stage in large.stages) == (size > 1)
     # On so many elements, rounding is some 1e-12.
     assert large.omega == pytest.approx(alone.omega, rel=1e-11)
-    told = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
-    assert bool(told) == (MPI.COMM_WORLD.rank == 0)
+    logged = [record for record in caplog.records if record.getMessage().startswith("100 elements")]
+    assert bool(logged) == (MPI.COMM_WORLD.rank == 0)
 
 
 def test_a_rank_that_solves_alone_forgets_nothing_that_the_others_have():
@@ -240,10 +242,9 @@ def test_an_error_of_the_rank_that_solves_reaches_all(monkeypatch):
     def fails(*_):
         raise ArithmeticError("no solve today")
 
-    monkeypatch.setattr(augmented_lagrangian, "SHARED", 1000)
     monkeypatch.setattr(augmented_lagrangian.Run, "solve", fails)
     with pytest.raises(ArithmeticError, match="no solve today"):
-        solve_fixed(Scene())
+        augmented_lagrangian.solve(Scene(), tolerances=Tolerances(shared=1000))
 
 
 @pytest.mark.serial

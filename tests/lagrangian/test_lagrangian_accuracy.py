@@ -28,15 +28,15 @@ CASES = {
 
 
 def true_errors(solution, omega, torque, moments):
-    """Errors relative to what `lagrangian_accuracy.errors` says."""
+    """Errors relative to what `accuracy.errors` says."""
     fields, radius = solution.fields, solution.scene.pulleys[0].radius
-    found = {
+    errors = {
         OMEGA: abs(solution.omega / omega - 1.0),
         TORQUE: abs(solution.contacts[0].torque - torque) / (radius * fields.weight @ np.abs(fields.f)),
     }
     if moments is not None:
-        found[CLAMP_MOMENT] = np.max(np.abs(fields.M[[0, -1]] - moments)) / max(moments)
-    return found
+        errors[CLAMP_MOMENT] = np.max(np.abs(fields.M[[0, -1]] - moments)) / max(moments)
+    return errors
 
 
 @pytest.mark.parametrize(

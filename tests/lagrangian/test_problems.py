@@ -108,14 +108,14 @@ def test_numbers_with_a_comma(tmp_path):
 
 def test_problems_that_are_no_longer_kept_are_freed():
     kept = Problems(MPI.COMM_WORLD, most=2)
-    seen = []
+    references = []
     for elements in range(20, 28):
         with kept.using(elements, (), frictional=True) as problem:
-            seen.append((weakref.ref(problem), weakref.ref(problem.space.mesh)))
+            references.append((weakref.ref(problem), weakref.ref(problem.space.mesh)))
     del problem
     gc.collect()
-    assert [reference() is not None for reference, _ in seen] == [False] * 6 + [True] * 2
-    assert [reference() is not None for _, reference in seen] == [False] * 6 + [True] * 2
+    assert [reference() is not None for reference, _ in references] == [False] * 6 + [True] * 2
+    assert [reference() is not None for _, reference in references] == [False] * 6 + [True] * 2
 
 
 def different(argument: str) -> Callable[[], object]:

@@ -26,9 +26,9 @@ def test_scene_names(name):
     assert getattr(belt_fenicsx, name).__name__ == name
 
 
-@pytest.mark.parametrize("name", ["Solution", "Status", "SolveError"])
-def test_solution_names(name):
-    assert getattr(belt_fenicsx, name).__module__ == "belt_fenicsx.solution.solution"
+@pytest.mark.parametrize(("name", "home"), [("Solution", "solution"), ("Status", "status"), ("SolveError", "status")])
+def test_solution_names(name, home):
+    assert getattr(belt_fenicsx, name).__module__ == f"belt_fenicsx.solution.{home}"
 
 
 def test_bvp_is_a_submodule():

@@ -1,12 +1,14 @@
 """Scenes: what they accept, what they refuse, and that their dimensionless form does not depend on units."""
 
 import math
+import pickle
+from dataclasses import replace
 
 import pytest
 
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.pulley import Pulley
+from belt_fenicsx.scene.pulley import Drive, Pulley
 from belt_fenicsx.scene.scene import Scene
 
 NAN, INF = math.nan, math.inf
@@ -41,9 +43,14 @@ def test_keyword_only():
 )
 def test_drive(drive, value):
     pulley = Pulley(**{drive: value})
-    assert pulley.drive == drive
-    assert getattr(pulley, drive) == value
-    assert pulley.slip == ("forward" if drive == "x_trans" else None)
+    slip = "forward" if drive == "x_trans" else None
+    assert pulley.drive == Drive(drive, value, slip)
+    assert (getattr(pulley, drive), pulley.slip) == (value, slip)
+    assert "drive" not in repr(pulley)
+    assert pickle.loads(pickle.dumps(pulley)).drive == pulley.drive
+    assert replace(pulley, radius=0.6).drive == pulley.drive
+    with pytest.raises(TypeError):
+        Pulley(drive=pulley.drive)
 
 
 BAD = [

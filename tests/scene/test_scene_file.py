@@ -41,7 +41,7 @@ def test_the_demo_scene_is_the_published_one():
     assert load_scene(DEMOS / "one_pulley.toml") == Scene()
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.pulleys[0].drive)
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.pulleys[0].drive.kind)
 def test_round_trip(scene):
     data = scene_to_dict(scene)
     assert scene_from_dict(data) == scene

@@ -8,7 +8,7 @@ import pytest
 from belt_fenicsx import Scene, bvp
 from belt_fenicsx.solution.certificate import certified, certify
 from belt_fenicsx.solution.fields import simpson_weights
-from belt_fenicsx.solution.solution import Status
+from belt_fenicsx.solution.status import Status
 
 pytestmark = pytest.mark.serial
 TOLERANCE = 1e-6

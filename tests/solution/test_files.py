@@ -17,7 +17,7 @@ from mpi4py import MPI
 from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, load_scene, solve
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.command import main as cli
-from belt_fenicsx.solution.files import export, fields_csv, load, save, to_plain, write_centreline
+from belt_fenicsx.solution.files import export, fields_csv, save, to_plain, write_centreline
 
 serial = pytest.mark.serial
 
@@ -41,7 +41,7 @@ def test_a_saved_solution_comes_back_whole(solution, tmp_path):
 def test_a_failed_solution_comes_back_too(tmp_path):
     failed = Solution(scene=Scene(), method="made up", status=Status.NEWTON_DIVERGED, message="Stage `x`")
     save(failed, tmp_path / "failed.npz")
-    again = load(tmp_path / "failed.npz")
+    again = Solution.load(tmp_path / "failed.npz")
     assert (again.status, again.message, again.fields) == (failed.status, failed.message, None)
 
 
@@ -56,7 +56,7 @@ def test_every_part_of_a_solution_is_kept(solution):
 def test_a_loaded_solution_is_a_warm_start(solution, tmp_path):
     cold = solve(Scene(), method="augmented-lagrangian")
     save(cold, tmp_path / "result.npz")
-    warm = solve(Scene(), method="augmented-lagrangian", initial=load(tmp_path / "result.npz"))
+    warm = solve(Scene(), method="augmented-lagrangian", initial=Solution.load(tmp_path / "result.npz"))
     assert warm.iterations < cold.iterations / 3
     assert warm.omega == pytest.approx(cold.omega, rel=1e-9)
 
@@ -68,7 +68,7 @@ def test_a_file_that_is_none_of_ours(content, tmp_path):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(SceneError, match="`path` must name a file that `save` wrote"):
-        load(path)
+        Solution.load(path)
 
 
 @serial
@@ -184,7 +184,7 @@ def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, 
         del content[name]
     np.savez(tmp_path / "other.npz", **content)
     with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*{expected}"):
-        load(tmp_path / "other.npz")
+        Solution.load(tmp_path / "other.npz")
 
 
 @serial
@@ -207,7 +207,7 @@ def test_arrays_between_points_have_to_fit_together(name, change, expected, tmp_
         del arrays[name]
     replace(solution, evaluator=SimpleNamespace(arrays=arrays)).save(tmp_path / "other.npz")
     with pytest.raises(SceneError, match=f"`path` must name a file that `save` wrote .*`{expected}` must"):
-        load(tmp_path / "other.npz")
+        Solution.load(tmp_path / "other.npz")
 
 
 @serial
@@ -218,7 +218,7 @@ def test_a_list_of_members_that_is_cut_off_is_no_solution_without_fields(solutio
     content[content.index(b"PK\x01\x02") + 33] = 0x80
     (tmp_path / "result.npz").write_bytes(content)
     with pytest.raises(SceneError, match="`arrays` must be zone, weight, .* got none"):
-        load(tmp_path / "result.npz")
+        Solution.load(tmp_path / "result.npz")
 
 
 @serial
@@ -230,12 +230,12 @@ def test_checksums_are_compared(solution, tmp_path):
     for name in ("one.npz", "other.npz"):
         with ZipFile(tmp_path / name) as archive:
             sums.append(struct.pack("<L", archive.getinfo("p.npy").CRC))
-    assert load(tmp_path / "other.npz").fields == changed
+    assert Solution.load(tmp_path / "other.npz").fields == changed
     (tmp_path / "other.npz").write_bytes(content.replace(sums[1], sums[0]))
     with pytest.raises(
         SceneError, match="`path` must name a file that `save` wrote .*`p.npy` must be as it was written"
     ):
-        load(tmp_path / "other.npz")
+        Solution.load(tmp_path / "other.npz")
 
 
 @serial
@@ -256,7 +256,7 @@ def test_ranks_write_each_file_once_and_its_values_come_back(tmp_path):
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["belt.vtu", "fields.csv", "result.json", "result.npz", "scene.toml", "versions.json"]
 
-    again = load(folder / "result.npz")
+    again = Solution.load(folder / "result.npz")
     for name, values in vars(fields).items():
         assert np.array_equal(values, getattr(again.fields, name)), name
     assert fields_csv(again) == (folder / "fields.csv").read_text()
