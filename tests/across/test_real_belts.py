@@ -225,8 +225,9 @@ def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed():
 
 
 def test_more_and_more_friction_holds_the_belt_up_to_its_run_off():
-    torques = [solve(scene(friction=friction, omega=1.48)).contacts[0].torque for friction in (1e3, 1e5, 1e7)]
-    assert torques == pytest.approx([1128.92007 - 63.8 / friction for friction in (1e3, 1e5, 1e7)], abs=2e-3)
+    frictions = [1e2, 1e3, 1e4]
+    torques = [solve(scene(friction=friction, omega=1.48)).contacts[0].torque for friction in frictions]
+    assert torques == pytest.approx([1128.92007 - 63.8 / friction for friction in frictions], abs=2e-3)
 
 
 @pytest.mark.parametrize("omega", [-5.0, 0.0, 1e6])
