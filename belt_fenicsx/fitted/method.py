@@ -225,13 +225,13 @@ def raised(run: Run, state: State, rtol: float, degree: int | None) -> Result:
         early = (k == lowest or (change <= COARSEST and not judged)) and (k >= last or not calm(run.scene, state))
         change_before = change
         if early or (final and k < (degree or HIGHEST)):
-            judged, zones = change <= COARSEST, state.mesh.zones
+            judged, zones = change <= COARSEST, state.mesh.layout
             try:
                 state = reviewed(run, state, max(TOLERANCE if final else BREACH, change))
             except Stopped:
                 # Other zones are not found where friction is known too coarsely: a higher degree goes on from the same.
                 continue
-            if state.mesh.zones != zones:
+            if state.mesh.layout != zones:
                 # What is known of the error is that of other zones.
                 change_before, error = 0.0, math.inf
                 continue
@@ -264,4 +264,4 @@ def reviewed(run: Run, state: State, error: float) -> State:
 def finer(run: Run, state: State) -> State:
     """The same zones with twice as many cells, at a low degree."""
     run.elements = 2 * len(state.cells)
-    return run.on(state.mesh.zones, state.ends, state, "an error that no degree made small enough", degree=WARM[0])
+    return run.on(state.mesh.layout, state.ends, state, "an error that no degree made small enough", degree=WARM[0])

@@ -31,6 +31,8 @@ KEPT = 200  # cells, of an iteration that is kept for the next scene at most
 STRAIGHT = 0.02  # of the same, up to which the way of nodes on the pulley may be straight
 FRAMES = 2.0**20  # to a radian: angles to which frames of cells are rounded
 SETTLED = 0.1  # of the same, that the last step may take
+# The switch of each equation of a joint.
+SWITCH_OF = {"tangent": "tangent", "x": "x", "speed": "speed", "stretch": "hold", "coulomb": "coulomb"}
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
 # Python's own lock would let another one in between two steps.
 TURNS = threading.RLock()
@@ -293,16 +295,17 @@ def switches(mesh: Mesh) -> Array:
     """Which equations hold where ``(n, 2, len(SWITCHES))``."""
     column = {name: index for index, name in enumerate(SWITCHES)}
     on = np.zeros((mesh.zone.size, 2, len(SWITCHES)))
-    parts, borders = mesh.zones.parts, mesh.zones.borders
+    parts, joints = mesh.layout.parts, mesh.layout.joints
     on[:, :, column["touch"]] = mesh.touches[:, None]
     on[:, :, column["stick"]] = np.array([part.kind == "stick" for part in parts])[mesh.zone, None]
     on[:, :, column["sense"]] = np.array([part.sense for part in parts])[mesh.zone, None]
-    for node, border, before, after in zip(mesh.ends, borders, parts[:-1], parts[1:], strict=True):
-        here = (node - 1, 1) if border.side == BEFORE else (node, 0)
-        on[here][column[border.condition]] = 1.0
-        if border.condition == "coulomb":
+    for node, joint, before, after in zip(mesh.ends, joints, parts[:-1], parts[1:], strict=True):
+        here = (node - 1, 1) if joint.side == BEFORE else (node, 0)
+        on[here][column[SWITCH_OF[joint.equation]]] = 1.0
+        if joint.equation == "coulomb":
             # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
-            on[here][column["sense"]] = -after.sense if border.side == BEFORE else before.sense
-    on[mesh.ends[mesh.zones.grip] - 1, 1, column["grip"]] = 1.0
-    on[:, :, column["force"]] = mesh.zones.by_force
+            on[here][column["sense"]] = -after.sense if joint.side == BEFORE else before.sense
+    (speed,) = mesh.layout.speeds
+    on[mesh.ends[speed.grip] - 1, 1, column["grip"]] = 1.0
+    on[:, :, column["force"]] = speed.equation == "torque"
     return on

@@ -15,7 +15,8 @@ from belt_fenicsx.fitted.reading import along, pulley_speed
 from belt_fenicsx.fitted.state import POINTS, State
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import FREE, STICK, Part
-from belt_fenicsx.layout.layout import Zones, ordered
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.pulley import RUN_OFF, Slip
 from belt_fenicsx.scene.scene import Scene
 
@@ -26,7 +27,7 @@ OTHER: dict[Slip | None, Slip] = {"forward": "backward", "backward": "forward"}
 
 @dataclass(frozen=True)
 class Change:
-    """Zones that a state calls for instead of its own.
+    """Layout that a state calls for instead of its own.
 
     Attributes:
         why: The state and what is wrong with it.
@@ -35,7 +36,7 @@ class Change:
     """
 
     why: str
-    zones: Zones
+    zones: Layout
     ends: Array
 
 
@@ -53,7 +54,7 @@ def change(scene: Scene, state: State, error: float) -> Change | None:
         state: The state.
         error: How far a bound may seem to be broken by the state's error, relative to its largest value.
     """
-    pulley, parts = scene.pulleys[0], state.mesh.zones.parts
+    pulley, parts = scene.pulleys[0], state.mesh.layout.parts
     if pulley.friction == 0.0:
         return None
     for index, part in enumerate(parts[1:-1], start=1):
@@ -65,7 +66,7 @@ def change(scene: Scene, state: State, error: float) -> Change | None:
 
 def _held(scene: Scene, state: State, index: int, breach: float) -> Change | None:
     """Sliding next to the free ends of a stick zone."""
-    parts = state.mesh.zones.parts
+    parts = state.mesh.layout.parts
     sigma, p, f, _ = along(state, index)
     bound = scene.pulleys[0].friction * p
     excess = np.abs(f) - bound
@@ -97,8 +98,8 @@ def _sliding(sense: float) -> Part:
 
 def _slid(scene: Scene, state: State, index: int, breach: float) -> Change | None:
     """The other sense of sliding, from where the belt has the pulley's speed again."""
-    parts = state.mesh.zones.parts
-    if index <= state.mesh.zones.transition or parts[index + 1] != FREE:
+    parts = state.mesh.layout.parts
+    if index <= state.mesh.layout.transition(0) or parts[index + 1] != FREE:
         return None
     sigma, _, _, D = along(state, index)
     ahead = parts[index].sense * (D - pulley_speed(scene, state))
@@ -136,7 +137,7 @@ def transition(scene: Scene, stick: State, sense: float, ahead: float) -> float 
     Returns:
         The place; None where sliding all along is not enough.
     """
-    zone = range(1, len(stick.mesh.zones.parts) - 1)
+    zone = range(1, len(stick.mesh.layout.parts) - 1)
     sigma, p, f, _ = (np.concatenate(columns) for columns in zip(*(along(stick, i) for i in zone), strict=True))
     more = f + sense * scene.pulleys[0].friction * p
     steps = np.diff(sigma) * (more[1:] + more[:-1]) / 2

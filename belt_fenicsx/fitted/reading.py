@@ -31,11 +31,11 @@ def pulley_speed(scene: Scene, state: State) -> float:
     Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
+    if pulley.drive == "omega" and (pulley.friction == 0.0 or not state.mesh.layout.transition(0)):
         return pulley.omega * pulley.radius
-    if state.mesh.zones.transition or pulley.friction == 0.0:
+    if state.mesh.layout.transition(0) or pulley.friction == 0.0:
         return state.D_stick
-    sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
+    sense, (sigma, _, _, D) = state.mesh.layout.parts[1].sense, along(state, 1)
     slowest, last = int(np.argmin(sense * D)), D.size - 1
     while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
         # Where cells meet, a point counts twice.
@@ -86,13 +86,13 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
     sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
     zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
+        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.layout.parts)
     )
     up, off = (border[[1, -2]] - complex(*pulley.center)).tolist()
     contact = Contact(
         omega=pulley_speed(scene, state) / pulley.radius,
         x_up=zones[1].x[0],
-        x_trans=zones[mesh.zones.transition].x[1],
+        x_trans=zones[mesh.layout.transition(0)].x[1],
         x_off=zones[-1].x[0],
         torque=-pulley.radius * state.friction_force,
         wrap_angle=cmath.phase(up / off) % (2.0 * math.pi),

@@ -22,7 +22,8 @@ from belt_fenicsx.fitted.state import State, from_fields, from_string
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import SENSE, STICK, Part
 from belt_fenicsx.layout.layers import bending_layer
-from belt_fenicsx.layout.layout import Zones, ordered, posed
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.scene.pulley import RUN_OFF, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
@@ -96,7 +97,7 @@ class Run:
             raise Stopped(Status.NEWTON_DIVERGED, message)
         return result
 
-    def on(self, zones: Zones, ends: Array, old: Fields | State, why: str, *, degree: int = LOWEST) -> State:
+    def on(self, zones: Layout, ends: Array, old: Fields | State, why: str, *, degree: int = LOWEST) -> State:
         """Newton's iteration on zones, from another solution."""
         return self.newton(from_fields(self.scene, old, zones, ends, degree, self.elements), why)
 
@@ -273,9 +274,8 @@ def meets(run: Run, state: State) -> bool:
     Raises:
         Stopped: Friction cannot transmit the moment.
     """
-    zones, pulley = state.mesh.zones, run.scene.pulleys[0]
-    placed = zones.transition > 0 and zones.parts[zones.transition + 1].touches
-    if placed or pulley.drive == "x_trans" or pulley.friction == 0.0:
+    zones, pulley = state.mesh.layout, run.scene.pulleys[0]
+    if zones.slides_behind(0) or pulley.drive == "x_trans" or pulley.friction == 0.0:
         return True
     ahead = _ahead(run.scene, state)
     if STICK in zones.parts or zones.parts[1].sense * ahead > 0.0:
