@@ -7,8 +7,8 @@ import pytest
 
 from belt_fenicsx import bvp
 from belt_fenicsx.bvp import newton as bvp_collocation
-from belt_fenicsx.bvp.coarse import Run
-from belt_fenicsx.bvp.drive import driven
+from belt_fenicsx.bvp.run import Run
+from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.bvp.newton import Work
 from belt_fenicsx.bvp.reading import FIELDS, changes
 from belt_fenicsx.scene.belt import Belt
@@ -211,7 +211,7 @@ def test_tightest_tolerance(thickness):
 def test_budget_of_newton_iterations():
     dimensionless, units = chapter(torque=600.0).dimensionless()
     with pytest.raises(Stopped, match="After 1 Newton iterations, .* stage `pure stick` has no answer yet") as caught:
-        driven(Run(dimensionless, units, work=Work(left=1.0)))
+        solve_driven(Run(dimensionless, units, work=Work(left=1.0)))
     assert caught.value.status is Status.NEWTON_DIVERGED
     assert "`initial`" in caught.value.message
 
