@@ -3,7 +3,7 @@
 Its own ladder to a coarse state, each step for scenes in which those before it fail:
 
 1. From the taut string.
-2. From pure stick, with the transition where the scene wants it: lengths of parts as they are, then by their logarithms.
+2. From pure stick, with the transition where the scene wants it: for the lengths of parts, then for their logarithms.
 3. In steps: from a belt that gives way in shear or bends more easily, which is more like a string, or from one that
    bends less easily, whose layers are wider.
 """
@@ -26,8 +26,8 @@ from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick
-from belt_fenicsx.search.find import settle
-from belt_fenicsx.search.limits import check_transition, meets
+from belt_fenicsx.search.limits import meets
+from belt_fenicsx.search.settle import check_transition, settle
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.taut_string.string import taut_string

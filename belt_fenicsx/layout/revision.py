@@ -94,7 +94,6 @@ class Tolerances:
         sense: Speed of sliding in the wrong sense that does not count, relative to the largest speed of the part.
         worth: Length in belt lengths, of a part in which sliding turns, below which it is left out.
         furthest: Part of a stick part that sliding next to it takes at once, at most.
-        short: Part of a contact that slides, below which pure stick has to be known well to tell where it begins to.
     """
 
     shrunk: float
@@ -102,7 +101,6 @@ class Tolerances:
     sense: float
     worth: float = 0.0
     furthest: float = 1.0
-    short: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@
    tells where stick ends, and with sliding behind it, it is the first guess.
 2. Where everything is to slide, or Newton's iteration finds no answer from there, pure slip is solved. It may be the
    answer; if not, it is the first guess, with stick, or sliding that turns, in a short part of the contact.
-3. If there is still none, the transition is placed: between where it is in pure stick and in pure slip, moving until the
-   speed or the torque is the given one.
+3. If there is still none, the transition is placed: between where it is in pure stick and in pure slip, moving until
+   the speed or the torque is the given one.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.find import is_settled, settle
-from belt_fenicsx.search.limits import ahead, driven_by, earliest, limit, meets
+from belt_fenicsx.search.limits import ahead, driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
+from belt_fenicsx.search.settle import earliest, is_settled, limit, settle
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
 
 LEAST = 1e-3  # At least this part of a stick part sticks, or slides, in a first guess.
 NEARLY = 0.95  # About this part of the contact slides in a first guess from pure slip.
+SHORT = 0.05  # Where less of the contact is to slide, only a well known pure stick can place it.
 NOTHING = 1e-12  # Places of the transition that differ by less, in belt lengths, are the same.
 MOST_PLACES = 12  # That many places of the transition are tried one after another.
 
@@ -67,9 +68,8 @@ def _from_stick(method: Method[S], stick: S) -> S | None:
     if (start := place_transition(method.scene, stick.layout, method.samples(stick).densest)) is None:
         return None
     layout, ends = start
-    tolerances = method.tolerances(stick)
-    if tolerances is not None and ends[-2] - ends[layout.transition(0) + 1] < tolerances.short * (ends[-2] - ends[1]):
-        stick = method.sharpen(stick, "a short slip part, which only a well known pure stick can place")
+    if ends[-2] - ends[layout.transition(0) + 1] < SHORT * (ends[-2] - ends[1]):
+        stick = method.sharpen(stick, "a short slip part")
         if _is_answer(method, stick):
             return stick
         if (start := place_transition(method.scene, stick.layout, method.samples(stick).densest)) is None:

@@ -9,15 +9,12 @@ from __future__ import annotations
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
-from belt_fenicsx.layout.revision import revise
 from belt_fenicsx.scene.pulley import RUN_OFF
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.limits import check_transition
 from belt_fenicsx.search.protocol import Method, S
-from belt_fenicsx.solution.solution import Solution, Status
+from belt_fenicsx.search.settle import settle
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
-
-MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
 
 
 def find(method: Method[S], state: S) -> S:
@@ -32,38 +29,6 @@ def find(method: Method[S], state: S) -> S:
         else:
             state = settled if method.is_plausible(settled) else finer
     return state
-
-
-def settle(method: Method[S], state: S) -> S:
-    """Revises the layout of a state until no bound breaks; ends where a layout comes back.
-
-    Raises:
-        SceneError: The scene wants stick to end where it cannot.
-        Stopped: A layout leads nowhere, or the contact is lost.
-    """
-    tolerances, tried = method.tolerances(state), [state.layout]
-    if tolerances is None:
-        return state
-    while revision := revise(method.scene, state.layout, method.samples(state), tolerances):
-        if revision.layout is None or revision.ends is None:
-            check_transition(method, outside=True)
-            break
-        if not revision.layout.contact:
-            raise Stopped(Status.CONTACT_LOST, "The contact shrinks to a point.")
-        if revision.layout in tried or len(tried) == MOST_LAYOUTS:
-            break
-        tried.append(revision.layout)
-        why = f"{revision.why}; now {revision.layout}"
-        state = method.converge(method.transfer(state, revision.layout, revision.ends), "zone order", why)
-    if len(tried) == 1:
-        method.stages.skipped("zone order", "no bound is broken")
-    return state
-
-
-def is_settled(method: Method[S], state: S) -> bool:
-    """Whether no bound of a state breaks that it is trusted to judge."""
-    tolerances = method.tolerances(state)
-    return tolerances is None or not revise(method.scene, state.layout, method.samples(state), tolerances)
 
 
 def layout_of(scene: Scene, initial: Solution) -> Layout | None:

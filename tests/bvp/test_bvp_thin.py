@@ -7,14 +7,14 @@ import pytest
 
 from belt_fenicsx import bvp
 from belt_fenicsx.bvp import newton as bvp_collocation
-from belt_fenicsx.bvp.run import Run
-from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.bvp.newton import Work
 from belt_fenicsx.bvp.reading import FIELDS, changes
+from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.solution.solution import SolveError, Status
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.taut_string.string import taut_string
