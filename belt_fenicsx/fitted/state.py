@@ -94,6 +94,11 @@ class State:
     values: Array
 
     @property
+    def layout(self) -> Layout:
+        """What the belt does part by part."""
+        return self.mesh.layout
+
+    @property
     def D_stick(self) -> float:
         """Stretch in stick."""
         return 1.0 + float(self.values[0, -1])

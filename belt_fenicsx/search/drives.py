@@ -16,6 +16,7 @@ import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part, sliding
+from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Sample, Samples
@@ -27,8 +28,9 @@ from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.search.settle import earliest, is_settled, limit, settle
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.taut_string.string import MOST_GROWTH
 
-LEAST = 1e-3  # At least this part of a stick part sticks, or slides, in a first guess.
+LEAST = 1e-7  # At least this part of a stick part sticks, or slides, in a first guess.
 NEARLY = 0.95  # About this part of the contact slides in a first guess from pure slip.
 SHORT = 0.05  # Where less of the contact is to slide, only a well known pure stick can place it.
 NOTHING = 1e-12  # Places of the transition that differ by less, in belt lengths, are the same.
@@ -119,13 +121,13 @@ def place_transition(scene: Scene, stick: Layout, samples: Samples) -> tuple[Lay
     keeping = np.concatenate([_keeping_friction(scene, part) for part in parts])
     exceeds = ahead(scene, samples)
     sense = 1.0 if exceeds < 0.0 else -1.0
-    slip, strain = sense * pulley.friction * p, samples.pulleys[0].speed - 1.0
+    slip, strain = sense * pulley.friction * p, max(samples.pulleys[0].speed - 1.0, LEAST_STRAIN)
     # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
     apart = sense * _integral(slip + keeping, sigma)
     peak = int(np.argmax(apart))
     back = np.interp(-apart, -apart[peak:], sigma[peak:])
     # From here on, all is for a transition at each of the points.
-    growth = np.exp(_integral(slip / strain, sigma))
+    growth = np.exp(np.clip(_integral(slip / strain, sigma), -MOST_GROWTH, MOST_GROWTH))
     tension = _integral((slip + f) * growth, sigma)
     whole = _integral(tension, sigma)
     behind = (np.interp(back, sigma, tension) - tension) / growth
