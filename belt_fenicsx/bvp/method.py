@@ -26,9 +26,8 @@ from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
-from belt_fenicsx.search.find import find, layout_of
+from belt_fenicsx.search.find import find, is_settled, layout_of, settle
 from belt_fenicsx.search.limits import check_smooth, meets
-from belt_fenicsx.search.settle import is_settled, settle
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution, Status
 from belt_fenicsx.solution.stages import Stopped

@@ -26,8 +26,8 @@ from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick
+from belt_fenicsx.search.find import check_transition, settle
 from belt_fenicsx.search.limits import meets
-from belt_fenicsx.search.settle import check_transition, settle
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.taut_string.string import taut_string

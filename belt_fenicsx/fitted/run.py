@@ -32,8 +32,7 @@ from belt_fenicsx.scene.pulley import RUN_OFF
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick, solve_driven
-from belt_fenicsx.search.find import layout_of
-from belt_fenicsx.search.settle import limit
+from belt_fenicsx.search.find import layout_of, limit
 from belt_fenicsx.solution.solution import Solution, Status
 from belt_fenicsx.solution.stages import Stages, Stopped
 

@@ -46,6 +46,6 @@ class Part:
 FREE, STICK = Part("free"), Part("stick")
 
 
-def sliding(sense: float) -> Part:
+def sliding(sense: float, pulley: int = 0) -> Part:
     """A part that slides forward where ``sense`` is positive, otherwise backward."""
-    return Part("slip", "forward" if sense > 0.0 else "backward")
+    return Part("slip", "forward" if sense > 0.0 else "backward", pulley)

@@ -224,7 +224,7 @@ class _Contact:
         excess = np.abs(at.f) - bound
         broken, holds = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
         furthest = self.tolerances.furthest * (ends[i + 1] - ends[i])
-        before, behind = sliding(-at.f[0]), sliding(at.f[-1])
+        before, behind = sliding(-at.f[0], self.index), sliding(at.f[-1], self.index)
         if broken.all() and not holds.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
             why = "stick breaks Coulomb's bound all along"
             return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)

@@ -3,7 +3,7 @@
 1. Pure stick is solved first. It may be the answer; if not, what its pressure lets friction add to the belt's tension
    tells where stick ends, and with sliding behind it, it is the first guess.
 2. Where everything is to slide, or Newton's iteration finds no answer from there, pure slip is solved. It may be the
-   answer; if not, it is the first guess, with stick, or sliding that turns, in a short part of the contact.
+   answer; if not, and if it is slowest inside of the contact, sliding turns from there on in the first guess.
 3. If there is still none, the transition is placed: between where it is in pure stick and in pure slip, moving until
    the speed or the torque is the given one.
 """
@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.kind import Part, sliding
+from belt_fenicsx.layout.kind import sliding
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
@@ -23,15 +23,15 @@ from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.find import earliest, is_settled, limit, settle
 from belt_fenicsx.search.limits import ahead, driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
-from belt_fenicsx.search.settle import earliest, is_settled, limit, settle
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.taut_string.string import MOST_GROWTH
 
 LEAST = 1e-7  # At least this part of a stick part sticks, or slides, in a first guess.
-NEARLY = 0.95  # About this part of the contact slides in a first guess from pure slip.
+NEARLY = 0.95  # This part of the contact slides before sliding turns, in the first guess.
 SHORT = 0.05  # Where less of the contact is to slide, only a well known pure stick can place it.
 NOTHING = 1e-12  # Places of the transition that differ by less, in belt lengths, are the same.
 MOST_PLACES = 12  # That many places of the transition are tried one after another.
@@ -173,17 +173,14 @@ def _tried(method: Method[S], start: S, stage: str) -> S | None:
 
 
 def _from_slip(method: Method[S], slip: S) -> S | None:
-    """An answer next to pure slip: with sliding that turns, or with stick, in a short part of the contact."""
-    scene, samples = method.scene, method.samples(slip)
-    (part,), (start, stop) = slip.layout.contact, samples.ends[1:3]
-    guesses = [([Part("stick", pulley=part.pulley), part], 1.0 - NEARLY)]
-    if earliest(samples) != samples.pulleys[0].place:
-        guesses.insert(0, ([part, part.turned], NEARLY))
-    for contact, place in guesses:
-        layout, ends = ordered(scene, contact), np.insert(samples.ends, 2, start + place * (stop - start))
-        if (state := _tried(method, method.transfer(slip, layout, ends), "pure slip")) is not None:
-            return state
-    return None
+    """An answer next to pure slip, where sliding turns next to the run-off and nowhere else; None where it does not."""
+    samples, (part,) = method.samples(slip), slip.layout.contact
+    if earliest(samples) == samples.pulleys[0].place:
+        return None
+    start, stop = samples.ends[1:3]
+    layout = ordered(method.scene, [part, part.turned])
+    ends = np.insert(samples.ends, 2, start + NEARLY * (stop - start))
+    return _tried(method, method.transfer(slip, layout, ends), "pure slip")
 
 
 def _search_transition(method: Method[S], stick: S, slip: S) -> S:

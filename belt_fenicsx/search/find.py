@@ -1,6 +1,7 @@
 """The search for an answer: Newton's iteration, a judgement, a revision of the rows, until nothing changes.
 
-1. Settle the rows: revise the layout until no bound breaks.
+1. Settle the rows: revise the layout until no bound breaks. A scene that wants stick to end where it cannot is refused,
+   by comparison with the belt that sticks, or slides, all along the contact, whose own rows are settled in the same way.
 2. Refine the state; where nothing finer is wanted, it is the answer. Then go on with 1.
 """
 
@@ -9,12 +10,18 @@ from __future__ import annotations
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
-from belt_fenicsx.scene.pulley import RUN_OFF
+from belt_fenicsx.layout.revision import Samples, revise
+from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.limits import driven_by
 from belt_fenicsx.search.protocol import Method, S
-from belt_fenicsx.search.settle import settle
-from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.solution import Solution, Status
 from belt_fenicsx.solution.stages import Stopped
+
+MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
+SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
+NEAR = 0.05  # A coarse state shows a transition to be impossible in this part of the interval next to its ends only.
 
 
 def find(method: Method[S], state: S) -> S:
@@ -29,6 +36,104 @@ def find(method: Method[S], state: S) -> S:
         else:
             state = settled if method.is_plausible(settled) else finer
     return state
+
+
+def settle(method: Method[S], state: S) -> S:
+    """Revises the layout of a state until no bound breaks; ends where a layout comes back.
+
+    Raises:
+        SceneError: The scene wants stick to end where it cannot.
+        Stopped: A layout leads nowhere, or the contact is lost.
+    """
+    tolerances, tried = method.tolerances(state), [state.layout]
+    if tolerances is None:
+        return state
+    while revision := revise(method.scene, state.layout, method.samples(state), tolerances):
+        if revision.layout is None or revision.ends is None:
+            check_transition(method, outside=True)
+            break
+        if not revision.layout.contact:
+            raise Stopped(Status.CONTACT_LOST, "The contact shrinks to a point.")
+        if revision.layout in tried or len(tried) == MOST_LAYOUTS:
+            break
+        tried.append(revision.layout)
+        why = f"{revision.why}; now {revision.layout}"
+        state = method.converge(method.transfer(state, revision.layout, revision.ends), "zone order", why)
+    if len(tried) == 1:
+        method.stages.skipped("zone order", "no bound is broken")
+    return state
+
+
+def is_settled(method: Method[S], state: S) -> bool:
+    """Whether no bound of a state breaks that it is trusted to judge."""
+    tolerances = method.tolerances(state)
+    return tolerances is None or not revise(method.scene, state.layout, method.samples(state), tolerances)
+
+
+def limit(method: Method[S], x_trans: str, slip: Slip, near: S | None = None, *, sharp: bool = False) -> S:
+    """The belt that sticks, or slides, all along the contact.
+
+    Args:
+        method: The solve that it is compared with.
+        x_trans: ``"run-off"`` or ``"run-up"``.
+        slip: Sense of the sliding.
+        near: Pure stick, from which pure slip may start.
+        sharp: Whether it has to be known well.
+
+    Raises:
+        Stopped: There is none.
+    """
+    pure = method.at(driven_by(method.scene, x_trans, slip))
+    state = pure.start(near)
+    if sharp and method.is_plausible(state):
+        state = settle(pure, pure.sharpen(state, "limits"))
+    method.stages.ran("limits", f"{state.layout}, to compare with", pure.stages.iterations)
+    return state
+
+
+def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
+    """Checks that the transition lies where stick can end: between where it does in pure slip and in pure stick.
+
+    Args:
+        method: The solve, of a scene that is driven by ``x_trans``.
+        outside: Whether its own state shows that it does not.
+
+    Returns:
+        Pure stick; None where there is none.
+
+    Raises:
+        SceneError: It does not.
+        Stopped: There is no contact.
+    """
+    pulley = method.scene.pulleys[0]
+    if pulley.slip is None or not isinstance(pulley.x_trans, float):
+        return None
+    stick = limit(method, RUN_OFF, pulley.slip, sharp=True)
+    if not method.is_plausible(stick):
+        return None
+    try:
+        slip = limit(method, RUN_UP, pulley.slip, stick, sharp=True)
+    except Stopped as stopped:
+        if stopped.final and stopped.status is Status.NEWTON_DIVERGED:
+            raise
+        return stick
+    if not method.is_plausible(slip):
+        return stick
+    places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
+    doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
+    if not places[0] - doubt < pulley.x_trans < places[1] + doubt:
+        first, last = (place * method.units.length for place in places)
+        between = f"lie where stick can end in the contact zone, in ({first:.9g}, {last:.9g}) [m]"
+        raise SceneError("pulleys.0.x_trans", between, pulley.x_trans * method.units.length)
+    return stick
+
+
+def earliest(slip: Samples) -> float:
+    """Where the transition goes when sliding spreads over the contact, from samples of pure slip."""
+    (part,) = (part for part in slip.parts if part is not None)
+    nearest = slip.pulleys[0].place
+    # Next to the run-off, sliding turns: the transition does not get there.
+    return nearest if nearest < (part.x[0] + part.x[-1]) / 2 else float(part.x[0])
 
 
 def layout_of(scene: Scene, initial: Solution) -> Layout | None:
