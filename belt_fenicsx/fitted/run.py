@@ -50,7 +50,6 @@ NEGATIVE = 0.1  # No error of a coarse state explains a negative pressure of thi
 SHORTEST = 1e-4  # A contact that is no longer, in belt lengths, is none.
 BREACH = 1e-3  # A coarse state may break a bound by this by its error, relative to the largest value.
 TOLERANCE = 1e-6  # The tolerance of the certificate; what low degrees leave of the inequalities is below a tenth of it.
-FURTHEST = 0.8  # Newton's iteration is sure to find a new joint in this part of a stick part.
 # Degrees that a given solution starts with, one after another, and one by another method. Where friction is little, or
 # parts are short, a low degree knows it too coarsely to place a joint by it.
 WARM, RESCUE = (6, 8), (8, 12)
@@ -206,7 +205,7 @@ class Run:
 
 def trusted(breach: float) -> Tolerances:
     """Tolerances of a state that may break bounds by this part of the largest value by its error."""
-    return Tolerances(shrunk=0.0, bound=breach, sense=breach, worth=SHORTEST, furthest=FURTHEST)
+    return Tolerances(shrunk=0.0, bound=breach, sense=breach)
 
 
 def lifts(state: State) -> bool:

@@ -28,6 +28,8 @@ from belt_fenicsx.scene.scene import Scene
 
 ROUNDING = 1e-14  # A stretch is known to about this.
 LEAST = 1e-3  # The part of a contact that a new part is long, at least, if nothing else tells its length.
+FURTHEST = 0.8  # Sliding takes this part of a stick part that holds nowhere, if it may hold later on.
+WORTH = 1e-4  # Sliding that turns in less, in belt lengths, is left as it is.
 BEGINNING = 1e-2  # Sliding that is right in no more than this part of its length is wrong all along.
 
 
@@ -92,15 +94,11 @@ class Tolerances:
             not known better.
         bound: Excess of Coulomb's bound that does not count, relative to the largest bound of the part.
         sense: Speed of sliding in the wrong sense that does not count, relative to the largest speed of the part.
-        worth: Length in belt lengths, of a part in which sliding turns, below which it is left out.
-        furthest: Part of a stick part that sliding next to it takes at once, at most.
     """
 
     shrunk: float
     bound: float
     sense: float
-    worth: float = 0.0
-    furthest: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -223,21 +221,20 @@ class _Contact:
         bound = self.pulley.friction * at.p
         excess = np.abs(at.f) - bound
         broken, holds = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
-        furthest = self.tolerances.furthest * (ends[i + 1] - ends[i])
+        furthest = FURTHEST * (ends[i + 1] - ends[i])
         before, behind = sliding(-at.f[0], self.index), sliding(at.f[-1], self.index)
         if broken.all() and not holds.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
             why = "stick breaks Coulomb's bound all along"
             return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)
         if broken[0] and i == 0:
-            place = at.sigma[holds[0]] if holds.size else ends[1]
-            place = min(place, ends[0] + furthest)
+            place = at.sigma[holds[0]] if holds.size else ends[0] + furthest
             return self.revised(
                 "Coulomb's bound breaks where stick begins", [before, *parts], [ends[0], place, *ends[1:]]
             )
         if not broken[-1] or (self.pulley.x_trans == RUN_OFF and self.transition is not None):
             return None
         why = "Coulomb's bound breaks where stick ends"
-        place = max(at.sigma[holds[-1]] if holds.size else ends[i], ends[i + 1] - furthest)
+        place = at.sigma[holds[-1]] if holds.size else ends[i + 1] - furthest
         if self.pulley.drive != "x_trans":
             back = min(ends[i + 1] - place, place - ends[i]) / 2.0
             turned = [*ends[: i + 1], place - back, place + back, ends[-1]]
@@ -267,7 +264,7 @@ class _Contact:
         right = at.sigma[crossing] - at.sigma[0]
         if wrong[-1] and right <= BEGINNING * (at.sigma[-1] - at.sigma[0]) and self.pulley.drive != "x_trans":
             return self.revised(why, [*parts[:i], parts[i].turned, *parts[i + 1 :]], ends)
-        if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < self.tolerances.worth:
+        if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < WORTH:
             return None
         place = _crossing(at.sigma, ahead, crossing)
         return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])

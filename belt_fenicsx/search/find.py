@@ -1,7 +1,7 @@
 """The search for an answer: Newton's iteration, a judgement, a revision of the rows, until nothing changes.
 
-1. Settle the rows: revise the layout until no bound breaks. A scene that wants stick to end where it cannot is refused,
-   by comparison with the belt that sticks, or slides, all along the contact, whose own rows are settled in the same way.
+1. Settle the rows: revise the layout until no bound breaks. A scene that wants stick to end where it cannot is
+   refused, by comparison with the belt that sticks, or slides, all along, whose own rows are settled in the same way.
 2. Refine the state; where nothing finer is wanted, it is the answer. Then go on with 1.
 """
 
