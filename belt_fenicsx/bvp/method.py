@@ -26,7 +26,7 @@ from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
-from belt_fenicsx.search.find import find, is_settled, layout_of, settle
+from belt_fenicsx.search.find import answers, find, layout_of, settle_from
 from belt_fenicsx.search.limits import check_smooth, meets
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution, Status
@@ -89,6 +89,8 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
     dimensionless, units = scene.dimensionless()
     run = Run(dimensionless, units, rtol, find_zones)
     solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
+    if not find_zones:
+        run.stages.skipped("zone order", "the order is not to change")
     try:
         check_smooth(dimensionless)
         state = _find(run, initial)
@@ -137,7 +139,7 @@ def _find(run: Run, initial: Solution | None) -> State:
                 raise
         else:
             found = state, run.end
-            if _answers(run, state):
+            if answers(run, state):
                 return state
     # What the first mesh showed may say why there is no answer.
     state, run.end = found
@@ -145,11 +147,6 @@ def _find(run: Run, initial: Solution | None) -> State:
         message = f"The finest mesh leaves {state.layout}, which does not meet the drive."
         raise Stopped(Status.NEWTON_DIVERGED, message)
     return state
-
-
-def _answers(run: Run, state: State) -> bool:
-    """Whether a state is plausible, breaks no bound and meets the drive."""
-    return run.is_plausible(state) and meets(run, state) and is_settled(run, state)
 
 
 def _warm(run: Run, initial: Solution | None) -> State | None:
@@ -163,13 +160,8 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
         near = initial.state.discrete.on(problem, run.intervals)
     else:
         near = from_fields(problem, initial, run.intervals)
-    try:
-        state = settle(run, run.converge(State(layout, problem, near), "warm start", "from the given solution"))
-    except Stopped as stopped:
-        if stopped.final or stopped.status is not Status.NEWTON_DIVERGED:
-            raise
-        return None
-    if not _answers(run, state):
+    state = settle_from(run, State(layout, problem, near), "warm start", "from the given solution")
+    if state is None or not answers(run, state):
         return None
     run.stages.skipped("taut string", "the warm start sufficed")
     run.stages.skipped("continuation", "the warm start sufficed")

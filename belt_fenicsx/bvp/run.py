@@ -26,7 +26,7 @@ from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick
-from belt_fenicsx.search.find import check_transition, settle
+from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stages, Stopped
@@ -60,6 +60,7 @@ class Run:
         stages: What was done so far.
         work: What may still be spent, by this run and by those that it starts.
         end: The last refinement.
+        positive: Whether to solve for the logarithms of the lengths of parts on the pulley.
     """
 
     scene: Scene
@@ -70,6 +71,7 @@ class Run:
     stages: Stages = field(default_factory=Stages)
     work: Work = field(default_factory=Work)
     end: Refined | None = None
+    positive: bool = False
 
     @property
     def wanted(self) -> Array:
@@ -85,21 +87,15 @@ class Run:
         problem = pose(self.scene, layout)
         return State(layout, problem, divided(state.problem, state.discrete, problem, ends[1:-1]))
 
-    def converge(self, start: State, stage: str, why: str, *, positive: bool = False) -> State:
+    def converge(self, start: State, stage: str, why: str) -> State:
         """Newton's iteration from a first guess; adds a stage.
-
-        Args:
-            start: The first guess.
-            stage: Name of the stage.
-            why: Why it runs.
-            positive: Whether to solve for the logarithms of the lengths of parts on the pulley.
 
         Raises:
             Stopped: It does not converge.
         """
         # Parts next to nothing need all digits, once the mesh is fine enough to tell.
         tolerance = NEWTON if self.end is None else rounding(start.problem, start.discrete.mesh.size)
-        discrete = self.work.newton(start.problem, start.discrete, tolerance, stage, positive=positive)
+        discrete = self.work.newton(start.problem, start.discrete, tolerance, stage, positive=self.positive)
         self.stages.ran(stage, why, discrete.iterations)
         if not discrete.converged:
             raise Stopped(Status.NEWTON_DIVERGED, f"The {stage} leaves {unsolved(discrete)}.")
@@ -122,7 +118,6 @@ class Run:
     def tolerances(self, state: State) -> Tolerances | None:
         """How far a state is trusted; None where the layout is not to change."""
         if not self.find_zones:
-            self.stages.skipped("zone order", "the order is not to change")
             return None
         if self.end is not None:
             # What the first mesh left in doubt shows here; but not in a state without a mechanical sense.
@@ -162,34 +157,17 @@ class Run:
         layout = posed(self.scene)
         problem = pose(self.scene, layout)
         first = State(layout, problem, guess(problem, self.scene, self.intervals))
-        state = self._tried(first, "taut string", "no plausible solution yet")
-        if state is not None and self.is_plausible(state):
+        if (state := settle_from(self, first, "taut string", "no plausible solution yet")) is not None:
             self.stages.skipped("continuation", "the first guess sufficed")
             return state
         near = check_transition(self) or near
-        if near is not None and (
-            divided_stick := divide_stick(self.scene, near.layout, self.samples(near).densest, SHORTEST)
-        ):
-            start = self.transfer(near, *divided_stick)
-            for positive in (False, True):
-                why = "lengths by their logarithms" if positive else "the taut string did not lead there"
-                found = self._tried(start, "pure stick", why, positive=positive)
-                if found is not None and self.is_plausible(found):
-                    return found
-        if state is not None:
-            return state
+        if near is not None and (ways := divide_stick(self.scene, near.layout, self.samples(near).densest, SHORTEST)):
+            start = self.transfer(near, *ways)
+            for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
+                if (state := settle_from(run, start, "pure stick", f"lengths {why}")) is not None:
+                    return state
         state = self._continued(layout)
         return settle(self, state) if self.is_plausible(state) else state
-
-    def _tried(self, start: State, stage: str, why: str, *, positive: bool = False) -> State | None:
-        """A state whose layout is settled, from a first guess; None where that does not lead to a plausible one."""
-        try:
-            state = self.converge(start, stage, why, positive=positive)
-            return settle(self, state) if self.is_plausible(state) else None
-        except Stopped as stopped:
-            if stopped.final or stopped.status is not Status.NEWTON_DIVERGED:
-                raise
-            return None
 
     def _continued(self, layout: Layout) -> State:
         """A state on the coarse mesh, from the taut string along belts of other stiffness.

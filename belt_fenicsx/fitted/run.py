@@ -13,7 +13,7 @@ Then the degree rises by two. Where states of both degrees have the same rows, t
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,7 +32,7 @@ from belt_fenicsx.scene.pulley import RUN_OFF
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick, solve_driven
-from belt_fenicsx.search.find import layout_of, limit
+from belt_fenicsx.search.find import attempt, layout_of, limit
 from belt_fenicsx.solution.solution import Solution, Status
 from belt_fenicsx.solution.stages import Stages, Stopped
 
@@ -185,22 +185,12 @@ class Run:
 
     def start(self, near: State | None = None) -> State:
         """A coarse state of a scene that says where stick ends; pure slip also from pure stick."""
-        return self.first([*([] if near is None else [functools.partial(from_stick, stick=near)]), *STRING])
-
-    def first(self, ways: Sequence[Start]) -> State:
-        """The first plausible state that one of several ways leads to."""
-        failure = Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the taut string.")
-        for way in ways:
-            try:
-                state = way(self)
-            except Stopped as stopped:
-                if stopped.status is not Status.NEWTON_DIVERGED:
-                    raise
-                failure = stopped
-            else:
-                if self.is_plausible(state):
-                    return state
-        raise failure
+        near_by = [] if near is None else [functools.partial(from_stick, stick=near)]
+        for way in (*near_by, *STRING):
+            state = attempt(functools.partial(way, self))
+            if state is not None and self.is_plausible(state):
+                return state
+        raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the taut string.")
 
 
 def trusted(breach: float) -> Tolerances:

@@ -227,14 +227,14 @@ class _Contact:
             why = "stick breaks Coulomb's bound all along"
             return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)
         if broken[0] and i == 0:
-            place = at.sigma[holds[0]] if holds.size else ends[0] + furthest
+            place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + furthest
             return self.revised(
                 "Coulomb's bound breaks where stick begins", [before, *parts], [ends[0], place, *ends[1:]]
             )
         if not broken[-1] or (self.pulley.x_trans == RUN_OFF and self.transition is not None):
             return None
         why = "Coulomb's bound breaks where stick ends"
-        place = at.sigma[holds[-1]] if holds.size else ends[i + 1] - furthest
+        place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - furthest
         if self.pulley.drive != "x_trans":
             back = min(ends[i + 1] - place, place - ends[i]) / 2.0
             turned = [*ends[: i + 1], place - back, place + back, ends[-1]]

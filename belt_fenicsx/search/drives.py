@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -23,7 +24,7 @@ from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.find import earliest, is_settled, limit, settle
+from belt_fenicsx.search.find import answers, attempt, earliest, limit, settle_from
 from belt_fenicsx.search.limits import ahead, driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.solution import Status
@@ -159,17 +160,8 @@ def _integral(values: Array, sigma: Array) -> Array:
 
 def _tried(method: Method[S], start: S, stage: str) -> S | None:
     """An answer from a first guess; None where there is none."""
-    try:
-        state = method.converge(start, stage, f"no answer yet; now {start.layout}")
-        if not method.is_plausible(state):
-            return None
-        state = settle(method, state)
-    except Stopped as stopped:
-        if stopped.final or stopped.status is not Status.NEWTON_DIVERGED:
-            raise
-        return None
-    answers = method.is_plausible(state) and meets(method, state) and is_settled(method, state)
-    return state if answers else None
+    state = settle_from(method, start, stage, f"no answer yet; now {start.layout}")
+    return state if state is not None and answers(method, state) else None
 
 
 def _from_slip(method: Method[S], slip: S) -> S | None:
@@ -199,12 +191,10 @@ def _search_transition(method: Method[S], stick: S, slip: S) -> S:
         place = x + float(np.clip(exceeds / (exceeds - exceeds_other), 0.05, 0.95)) * (x_other - x)
         search = method.at(driven_by(scene, place, sense))
         try:
-            near = search.start(stick)
+            near = attempt(functools.partial(search.start, stick))
         except SceneError:
             break
-        except Stopped as stopped:
-            if stopped.final:
-                raise
+        if near is None:
             break
         method.stages.ran("search", f"with the transition at {place:.6g} at first", search.stages.iterations)
         there = method.samples(near)

@@ -7,6 +7,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
@@ -14,28 +17,49 @@ from belt_fenicsx.layout.revision import Samples, revise
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.limits import driven_by
+from belt_fenicsx.search.limits import driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.solution import Solution, Status
 from belt_fenicsx.solution.stages import Stopped
 
 MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
 SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
-NEAR = 0.05  # A coarse state shows a transition to be impossible in this part of the interval next to its ends only.
+NEAR = 1e-3  # A state shows a transition to be impossible in this part of the interval next to its ends, and beyond.
 
 
 def find(method: Method[S], state: S) -> S:
     """The answer from a coarse state. Where revised rows lead nowhere, a finer state is judged anew."""
     while (finer := method.refine(state)) is not None:
-        state = finer
-        try:
-            settled = settle(method, finer)
-        except Stopped as stopped:
-            if stopped.final:
-                raise
-        else:
-            state = settled if method.is_plausible(settled) else finer
+        settled = attempt(functools.partial(settle, method, finer))
+        state = finer if settled is None or not method.is_plausible(settled) else settled
     return state
+
+
+def attempt(way: Callable[[], S]) -> S | None:
+    """What a way leads to; None where Newton's iteration does not converge on it."""
+    try:
+        return way()
+    except Stopped as stopped:
+        if stopped.final or stopped.status is not Status.NEWTON_DIVERGED:
+            raise
+        return None
+
+
+def settle_from(method: Method[S], start: S, stage: str, why: str) -> S | None:
+    """A state with a mechanical sense on settled rows, from a first guess; None where that does not lead to one."""
+    state = attempt(lambda: method.converge(start, stage, why))
+    if state is None or not method.is_plausible(state):
+        return None
+    state = attempt(lambda: settle(method, state))
+    return state if state is not None and method.is_plausible(state) else None
+
+
+def answers(method: Method[S], state: S) -> bool:
+    """Whether a state has a mechanical sense, meets the drive and breaks no bound that it is trusted to judge."""
+    if not method.is_plausible(state) or not meets(method, state):
+        return False
+    tolerances = method.tolerances(state)
+    return tolerances is None or not revise(method.scene, state.layout, method.samples(state), tolerances)
 
 
 def settle(method: Method[S], state: S) -> S:
@@ -51,23 +75,16 @@ def settle(method: Method[S], state: S) -> S:
     while revision := revise(method.scene, state.layout, method.samples(state), tolerances):
         if revision.layout is None or revision.ends is None:
             check_transition(method, outside=True)
-            break
+            return state
         if not revision.layout.contact:
             raise Stopped(Status.CONTACT_LOST, "The contact shrinks to a point.")
         if revision.layout in tried or len(tried) == MOST_LAYOUTS:
-            break
+            return state
         tried.append(revision.layout)
         why = f"{revision.why}; now {revision.layout}"
         state = method.converge(method.transfer(state, revision.layout, revision.ends), "zone order", why)
-    if len(tried) == 1:
-        method.stages.skipped("zone order", "no bound is broken")
+    method.stages.skipped("zone order", "no bound is broken")
     return state
-
-
-def is_settled(method: Method[S], state: S) -> bool:
-    """Whether no bound of a state breaks that it is trusted to judge."""
-    tolerances = method.tolerances(state)
-    return tolerances is None or not revise(method.scene, state.layout, method.samples(state), tolerances)
 
 
 def limit(method: Method[S], x_trans: str, slip: Slip, near: S | None = None, *, sharp: bool = False) -> S:
@@ -112,12 +129,13 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
     if not method.is_plausible(stick):
         return None
     try:
-        slip = limit(method, RUN_UP, pulley.slip, stick, sharp=True)
+        slip = attempt(lambda: limit(method, RUN_UP, pulley.slip, stick, sharp=True))
     except Stopped as stopped:
-        if stopped.final and stopped.status is Status.NEWTON_DIVERGED:
+        if stopped.status is Status.NEWTON_DIVERGED:
             raise
-        return stick
-    if not method.is_plausible(slip):
+        # The belt that slides all along may be slack.
+        slip = None
+    if slip is None or not method.is_plausible(slip):
         return stick
     places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
     doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
