@@ -64,7 +64,7 @@ def solve(
 
     Returns:
         The solution, or what there is of it, as its status says; its error estimate is that of the angular velocity.
-        Where that is given, it is that of the moment, as the stretch that it makes in a string.
+        Where that is given, it is that of the torque, as the stretch that it makes in a string.
 
     Raises:
         SceneError: The transition lies outside of the contact, or the degree cannot be meant.
@@ -131,9 +131,10 @@ def answer_by(run: Run, starts: Sequence[Start]) -> Accuracy:
 
 def raise_degree(run: Run, state: State) -> Accuracy:
     """The state on settled rows and of as high a degree as it takes, from a coarse one."""
-    way = replace(run, accuracy=None, trust=None, judged=False, final=False)
+    way = replace(run, known=None)
     state = find(way, state)
-    return way.accuracy.of(state)
+    assert way.known is not None
+    return way.known.accuracy.of(state)
 
 
 def refine_mesh(run: Run, known: Accuracy) -> Accuracy:

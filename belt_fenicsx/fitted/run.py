@@ -60,6 +60,23 @@ BUDGET = 300  # All starts together may take so many Newton iterations.
 Start = Callable[["Run"], State]
 
 
+@dataclass(frozen=True)
+class Known:
+    """What is known of a state.
+
+    Attributes:
+        accuracy: The state, and how far it is from the exact answer.
+        final: Whether it is accurate enough.
+        trust: How far it is trusted to judge its rows; None where it is not judged.
+        judged: Whether it, or one before it, was judged that was not coarse.
+    """
+
+    accuracy: Accuracy
+    final: bool
+    trust: Tolerances | None
+    judged: bool
+
+
 @dataclass
 class Run:
     """A solve that is under way.
@@ -74,10 +91,7 @@ class Run:
         degree: Degree of the answer; None where it rises until the error is small enough.
         stages: What was done so far.
         most: Newton iterations, counted from the first stage on, after which it ends.
-        accuracy: What is known of the error since the search began from a coarse state.
-        trust: How far the state of this accuracy is trusted; None where it is not judged.
-        judged: Whether a state was judged that is not coarse.
-        final: Whether the state of this accuracy is accurate enough.
+        known: What is known of the last state since the search began from a coarse one; None before.
     """
 
     asked: Scene
@@ -89,15 +103,12 @@ class Run:
     degree: int | None = None
     stages: Stages = field(default_factory=Stages)
     most: int = BUDGET
-    accuracy: Accuracy | None = None
-    trust: Tolerances | None = None
-    judged: bool = False
-    final: bool = False
+    known: Known | None = None
 
     def at(self, scene: Scene) -> Run:
         """The same run for another scene, with what is left of its iterations."""
         left = self.most - self.stages.iterations
-        return replace(self, scene=scene, stages=Stages(), most=left, accuracy=None)
+        return replace(self, scene=scene, stages=Stages(), most=left, known=None)
 
     def newton(self, state: State, why: str, *, arrived: float = ARRIVED, held: bool = False) -> State:
         """Newton's iteration from a state, with elements of its degree; its first step may hold the joints.
@@ -141,8 +152,8 @@ class Run:
 
     def tolerances(self, state: State) -> Tolerances | None:
         """How far a state is trusted; None where it is not judged."""
-        if self.accuracy is not None:
-            return self.trust if self.accuracy.state is state else None
+        if self.known is not None:
+            return self.known.trust if self.known.accuracy.state is state else None
         return None if state.degree < FINE else trusted(BREACH)
 
     def refine(self, state: State) -> State | None:
@@ -151,9 +162,9 @@ class Run:
         Raises:
             Stopped: Newton's iteration does not converge, or the belt lifts off.
         """
-        before, highest = self.accuracy, self.degree or HIGHEST
-        same = before is not None and before.state is state
-        if before is not None and (state.degree >= highest or (same and self.final)):
+        before, highest = self.known, self.degree or HIGHEST
+        same = before if before is not None and before.accuracy.state is state else None
+        if before is not None and (state.degree >= highest or (same is not None and same.final)):
             return None
         last = self.degree or next(last for reach, last in LAST.items() if self.rtol >= reach)
         start = state.of_degree(min(state.degree + 2, highest))
@@ -162,31 +173,30 @@ class Run:
             finer = self.newton(finer, "short cells, in which one step is not enough", arrived=CLOSE)
         if lifts(finer):
             raise Stopped(Status.NOT_ADMISSIBLE, lifted(self, finer))
-        at_last, change_before = finer.degree >= highest, before.change_of_p if same else 0.0
-        self.accuracy = estimate(self.scene, state, start, finer, change_before, self.rtol, last=at_last)
-        self._judge(finer.degree, last, first=before is None)
+        at_last, change_before = finer.degree >= highest, 0.0 if same is None else same.accuracy.change_of_p
+        accuracy = estimate(self.scene, state, start, finer, change_before, self.rtol, last=at_last)
+        self.known = self._judged(accuracy, last, before)
         return finer
 
-    def _judge(self, degree: int, last: int, *, first: bool) -> None:
-        """Says whether the last state is final, and how far it is trusted.
+    def _judged(self, accuracy: Accuracy, last: int, before: Known | None) -> Known:
+        """Says whether a state is final, and how far it is trusted.
 
         Its rows are judged at first, once it is no longer coarse, and at last; not where friction plainly holds in a
         state of a low degree.
         """
-        coarse = self.accuracy.change_of_p > COARSEST
-        self.final = degree >= last and (self.accuracy.known or degree == self.degree)
-        early = (first or not (coarse or self.judged)) and (
-            degree >= last or not holds(self.scene, self.accuracy.state)
-        )
-        self.trust = None
-        if early or (self.final and degree < HIGHEST and self.degree is None):
-            self.judged = not coarse
-            self.trust = trusted(max(TOLERANCE if self.final else BREACH, self.accuracy.change_of_p))
+        state, coarse = accuracy.state, accuracy.change_of_p > COARSEST
+        final = state.degree >= last and (accuracy.known or state.degree == self.degree)
+        due = before is None or not (coarse or before.judged)
+        early = due and (state.degree >= last or not holds(self.scene, state))
+        if early or (final and state.degree < HIGHEST and self.degree is None):
+            breach = max(TOLERANCE if final else BREACH, accuracy.change_of_p)
+            return Known(accuracy, final, trusted(breach), judged=not coarse)
+        return Known(accuracy, final, None, judged=before is not None and before.judged)
 
     def start(self, near: State | None = None) -> State:
         """A coarse state of a scene that says where stick ends; pure slip also from pure stick."""
-        near_by = [] if near is None else [functools.partial(from_stick, stick=near)]
-        for way in (*near_by, *STRING):
+        near_by: list[Start] = [] if near is None else [functools.partial(from_stick, stick=near)]
+        for way in [*near_by, *STRING]:
             state = attempt(functools.partial(way, self))
             if state is not None and self.is_plausible(state):
                 return state
@@ -259,8 +269,10 @@ STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, held=Tr
 def ways(run: Run, initial: Solution | None) -> list[Start]:
     """Ways to a coarse state, of which each is for scenes in which those before it fail."""
     pulley = run.scene.pulleys[0]
-    degrees = () if initial is None else WARM if initial.method == METHOD else RESCUE
-    warm: list[Start] = [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
+    warm: list[Start] = []
+    if initial is not None:
+        degrees = WARM if initial.method == METHOD else RESCUE
+        warm += [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
     if pulley.drive != "x_trans" and pulley.friction > 0.0:
         return [*warm, solve_driven]
     return [*warm, *STRING, *([from_stick] if posed(run.scene).slides_behind(0) else [])]

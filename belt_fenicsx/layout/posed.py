@@ -38,7 +38,9 @@ def posed(scene: Scene, slip: Slip | None = None) -> Layout:
 
 def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
     """The layout of parts in contact, with free ones around those of each pulley and the equations at all joints."""
-    parts, joints, speeds = [FREE], [], []
+    parts: list[Part] = [FREE]
+    joints: list[Joint] = []
+    speeds: list[Speed] = []
     for index, group in itertools.groupby(contact, key=lambda part: part.pulley):
         pulley, on = scene.pulleys[index], list(group)
         sticks = [part.kind == "stick" for part in on]

@@ -186,7 +186,7 @@ class _Contact:
         assert sample is not None
         return sample
 
-    def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float]) -> Revision:
+    def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float] | Array) -> Revision:
         """The layout with other parts on this pulley, of which equal neighbours are one."""
         kept = [i for i in range(len(parts)) if i == 0 or parts[i] != parts[i - 1]]
         contact, before, after = [parts[i] for i in kept], self.on[0], self.on[-1] + 1
@@ -221,34 +221,37 @@ class _Contact:
         bound = self.pulley.friction * at.p
         excess = np.abs(at.f) - bound
         broken, holds = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
-        furthest = FURTHEST * (ends[i + 1] - ends[i])
-        before, behind = sliding(-at.f[0], self.index), sliding(at.f[-1], self.index)
+        before, length = sliding(-at.f[0], self.index), ends[i + 1] - ends[i]
         if broken.all() and not holds.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
             why = "stick breaks Coulomb's bound all along"
             return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)
         if broken[0] and i == 0:
-            place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + furthest
-            return self.revised(
-                "Coulomb's bound breaks where stick begins", [before, *parts], [ends[0], place, *ends[1:]]
-            )
-        if not broken[-1] or (self.pulley.x_trans == RUN_OFF and self.transition is not None):
-            return None
-        why = "Coulomb's bound breaks where stick ends"
-        place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - furthest
+            why = "Coulomb's bound breaks where stick begins"
+            place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + FURTHEST * length
+            return self.revised(why, [before, *parts], [ends[0], place, *ends[1:]])
+        if broken[-1]:
+            place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - FURTHEST * length
+            return self.ended(i, place)
+        return None
+
+    def ended(self, i: int, place: float) -> Revision | None:
+        """A stick part that ends at a place before its end; None where it ends at Coulomb's bound already."""
+        parts, ends, why = self.parts, self.ends, "Coulomb's bound breaks where stick ends"
+        behind = sliding(self.sample(i).f[-1], self.index)
         if self.pulley.drive != "x_trans":
             back = min(ends[i + 1] - place, place - ends[i]) / 2.0
             turned = [*ends[: i + 1], place - back, place + back, ends[-1]]
             return self.revised(why, [*parts[: i + 1], behind.turned, behind], turned)
         if self.transition is None:
             return self.revised(why, [*parts, behind], [*ends[:-1], place, ends[-1]])
-        return Revision(why)
+        return None if self.pulley.x_trans == RUN_OFF else Revision(why)
 
     def turned(self, i: int) -> Revision | None:
         """Two slip parts in place of one in which the belt slides both ways; or one of the other sense."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         if self.transition is not None:
             speed = self.samples.pulleys[self.index].speed
-        elif self.pulley.drive == "omega":
+        elif self.pulley.omega is not None:
             speed = self.pulley.radius * self.pulley.omega
         else:
             return None

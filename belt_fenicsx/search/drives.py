@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.find import answers, attempt, earliest, limit, settle_from
 from belt_fenicsx.search.limits import ahead, driven_by, meets
@@ -49,8 +50,7 @@ def solve_driven(method: Method[S]) -> S:
         return stick
     if (state := _from_stick(method, stick)) is not None:
         return state
-    sense = _sense(method, stick)
-    slip = limit(method, RUN_UP, sliding(sense).slip or "forward", stick)
+    slip = limit(method, RUN_UP, _sense(method, stick), stick)
     if _is_answer(method, slip):
         return slip
     return _from_slip(method, slip) or _search_transition(method, stick, slip)
@@ -61,9 +61,9 @@ def _is_answer(method: Method[S], limit_state: S) -> bool:
     return not limit_state.layout.slides_behind(0) and meets(method, limit_state)
 
 
-def _sense(method: Method[S], stick: S) -> float:
+def _sense(method: Method[S], stick: S) -> Slip:
     """Sense of the sliding that a drive asks for, seen from pure stick."""
-    return 1.0 if ahead(method.scene, method.samples(stick)) < 0.0 else -1.0
+    return "forward" if ahead(method.scene, method.samples(stick)) < 0.0 else "backward"
 
 
 def _from_stick(method: Method[S], stick: S) -> S | None:
@@ -108,44 +108,56 @@ def divide_stick(scene: Scene, stick: Layout, samples: Samples, least: float) ->
 
 
 def place_transition(scene: Scene, stick: Layout, samples: Samples) -> tuple[Layout, Array] | None:
-    """The layout of a given speed or torque, and about its ends, from pure stick; None where nothing is to stick.
-
-    Sliding adds the difference of its friction and that of stick to the tension. The pressure grows with the tension,
-    and the stretch before the transition gives way, since the belt's length does not change.
-    """
-    on, pulley = stick.on(0), scene.pulleys[0]
+    """The layout of a given speed or torque, and about its ends, from pure stick; None where nothing is to stick."""
+    on = stick.on(0)
     sticks = [i for i in on if stick.parts[i].kind == "stick"]
     if not sticks:
         return None
     parts = [part for part in samples.parts[sticks[0] :] if part is not None]
+    sigma, gained, back = _gained_by_sliding(scene, samples, parts)
+    exceeds, inside = ahead(scene, samples), parts[0].sigma.size
+    start, stop = samples.ends[sticks[0]], samples.ends[sticks[0] + 1]
+    end = float(np.interp(-abs(exceeds), -math.copysign(1.0, exceeds) * gained[:inside], sigma[:inside]))
+    if end <= start:
+        return None
+    end = min(max(end, start + LEAST * (stop - start)), stop - LEAST * (stop - start))
+    turn = float(np.interp(end, sigma, back))
+    contact = [*stick.parts[on[0] : sticks[0] + 1], sliding(-exceeds)]
+    ends = [*samples.ends[: sticks[0] + 1], end]
+    if turn < sigma[-1]:
+        contact, ends = [*contact, contact[-1].turned], [*ends, turn]
+    return ordered(scene, contact), np.array([*ends, *samples.ends[-2:]])
+
+
+def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) -> tuple[Array, Array, Array]:
+    """What sliding behind a transition adds to the stretch in stick, or to the resultant of friction.
+
+    Sliding adds the difference of its friction and that of stick to the tension. The pressure grows with the tension,
+    and the stretch before the transition gives way, since the belt's length does not change.
+
+    Args:
+        scene: The dimensionless scene.
+        samples: Samples of pure stick.
+        parts: Those of its parts from stick on.
+
+    Returns:
+        Places of the transition, what is gained for each of them, and where sliding turns, all ``(m,)``.
+    """
+    pulley = scene.pulleys[0]
     sigma, p, f = (np.concatenate([getattr(part, name) for part in parts]) for name in ("sigma", "p", "f"))
     keeping = np.concatenate([_keeping_friction(scene, part) for part in parts])
-    exceeds = ahead(scene, samples)
-    sense = 1.0 if exceeds < 0.0 else -1.0
+    sense = sliding(-ahead(scene, samples)).sense
     slip, strain = sense * pulley.friction * p, max(samples.pulleys[0].speed - 1.0, LEAST_STRAIN)
     # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
     apart = sense * _integral(slip + keeping, sigma)
     peak = int(np.argmax(apart))
     back = np.interp(-apart, -apart[peak:], sigma[peak:])
-    # From here on, all is for a transition at each of the points.
     growth = np.exp(np.clip(_integral(slip / strain, sigma), -MOST_GROWTH, MOST_GROWTH))
     tension = _integral((slip + f) * growth, sigma)
     whole = _integral(tension, sigma)
     behind = (np.interp(back, sigma, tension) - tension) / growth
     mean = (np.interp(back, sigma, whole) - whole - tension * (back - sigma)) / growth + (0.5 - back) * behind
-    change = -math.copysign(1.0, exceeds) * (mean if pulley.drive == "omega" else behind) / (1.0 + mean / strain)
-    inside = parts[0].sigma.size
-    start, stop = samples.ends[sticks[0]], samples.ends[sticks[0] + 1]
-    end = float(np.interp(-abs(exceeds), -change[:inside], sigma[:inside]))
-    if end <= start:
-        return None
-    end = min(max(end, start + LEAST * (stop - start)), stop - LEAST * (stop - start))
-    turn = float(np.interp(end, sigma, back))
-    contact = [*stick.parts[on[0] : sticks[0] + 1], sliding(sense)]
-    ends = [*samples.ends[: sticks[0] + 1], end]
-    if turn < sigma[-1]:
-        contact, ends = [*contact, sliding(-sense)], [*ends, turn]
-    return ordered(scene, contact), np.array([*ends, *samples.ends[-2:]])
+    return sigma, -(mean if pulley.drive == "omega" else behind) / (1.0 + mean / strain), back
 
 
 def _keeping_friction(scene: Scene, part: Sample) -> Array:
@@ -181,7 +193,7 @@ def _search_transition(method: Method[S], stick: S, slip: S) -> S:
     Raises:
         Stopped: There is none.
     """
-    scene, samples, sense = method.scene, method.samples(stick), sliding(_sense(method, stick)).slip or "forward"
+    scene, samples, sense = method.scene, method.samples(stick), _sense(method, stick)
     slid = method.samples(slip)
     ends = [(samples.pulleys[0].place, ahead(scene, samples)), (earliest(slid), ahead(scene, slid))]
     for _ in range(MOST_PLACES):

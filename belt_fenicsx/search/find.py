@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import Literal
 
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
@@ -50,8 +51,8 @@ def settle_from(method: Method[S], start: S, stage: str, why: str) -> S | None:
     state = attempt(lambda: method.converge(start, stage, why))
     if state is None or not method.is_plausible(state):
         return None
-    state = attempt(lambda: settle(method, state))
-    return state if state is not None and method.is_plausible(state) else None
+    settled = attempt(functools.partial(settle, method, state))
+    return settled if settled is not None and method.is_plausible(settled) else None
 
 
 def answers(method: Method[S], state: S) -> bool:
@@ -87,7 +88,9 @@ def settle(method: Method[S], state: S) -> S:
     return state
 
 
-def limit(method: Method[S], x_trans: str, slip: Slip, near: S | None = None, *, sharp: bool = False) -> S:
+def limit(
+    method: Method[S], x_trans: Literal["run-up", "run-off"], slip: Slip, near: S | None = None, *, sharp: bool = False
+) -> S:
     """The belt that sticks, or slides, all along the contact.
 
     Args:
@@ -123,13 +126,14 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
         Stopped: There is no contact.
     """
     pulley = method.scene.pulleys[0]
-    if pulley.slip is None or not isinstance(pulley.x_trans, float):
+    x_trans, slides = pulley.x_trans, pulley.slip
+    if slides is None or not isinstance(x_trans, float):
         return None
-    stick = limit(method, RUN_OFF, pulley.slip, sharp=True)
+    stick = limit(method, RUN_OFF, slides, sharp=True)
     if not method.is_plausible(stick):
         return None
     try:
-        slip = attempt(lambda: limit(method, RUN_UP, pulley.slip, stick, sharp=True))
+        slip = attempt(lambda: limit(method, RUN_UP, slides, stick, sharp=True))
     except Stopped as stopped:
         if stopped.status is Status.NEWTON_DIVERGED:
             raise
@@ -139,10 +143,10 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
         return stick
     places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
     doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
-    if not places[0] - doubt < pulley.x_trans < places[1] + doubt:
+    if not places[0] - doubt < x_trans < places[1] + doubt:
         first, last = (place * method.units.length for place in places)
         between = f"lie where stick can end in the contact zone, in ({first:.9g}, {last:.9g}) [m]"
-        raise SceneError("pulleys.0.x_trans", between, pulley.x_trans * method.units.length)
+        raise SceneError("pulleys.0.x_trans", between, x_trans * method.units.length)
     return stick
 
 

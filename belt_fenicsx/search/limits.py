@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.pulley import Slip
@@ -13,7 +14,7 @@ from belt_fenicsx.solution.solution import Status
 from belt_fenicsx.solution.stages import Stopped
 
 
-def driven_by(scene: Scene, x_trans: float | str, slip: Slip) -> Scene:
+def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip: Slip) -> Scene:
     """The scene with a pulley that is driven by ``x_trans``."""
     pulley = replace(scene.pulleys[0], x_trans=x_trans, slip=slip, omega=None, torque=None)
     return replace(scene, pulleys=(pulley,))
@@ -48,12 +49,12 @@ def meets(method: Method[S], state: S) -> bool:
         return True
     if part.kind == "stick" or others or part.sense * ahead(scene, samples) > 0.0:
         return False
-    if pulley.drive == "torque":
-        check_capacity(method, state)
+    if pulley.torque is not None:
+        check_capacity(method, state, pulley.torque)
     return pulley.drive == "omega"
 
 
-def check_capacity(method: Method[S], slip: S) -> None:
+def check_capacity(method: Method[S], slip: S, torque: float) -> None:
     """Checks that a torque is not beyond what sliding all along transmits, which has to be admissible itself.
 
     Raises:
@@ -64,7 +65,7 @@ def check_capacity(method: Method[S], slip: S) -> None:
     samples = method.samples(slip)
     if method.is_plausible(slip) and part.sense * ahead(scene, samples) < 0.0 and missed(scene, samples) > 0.0:
         capacity = -scene.pulleys[0].radius * samples.pulleys[0].friction
-        excess = 100.0 * (scene.pulleys[0].torque / capacity - 1.0)
+        excess = 100.0 * (torque / capacity - 1.0)
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
             f"Sliding all along, the belt transmits {capacity * method.units.of(length=1, force=1):.6g} N m, which the "
