@@ -20,7 +20,7 @@ import numpy as np
 
 from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, estimate
 from belt_fenicsx.fitted.elimination import local
-from belt_fenicsx.fitted.guess import solution_guess, string_guess
+from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.reading import holds, samples
 from belt_fenicsx.fitted.state import State, from_fields
@@ -50,6 +50,7 @@ NEGATIVE = 0.1  # No error of a coarse state explains a negative pressure of thi
 SHORTEST = 1e-4  # A contact that is no longer, in belt lengths, is none.
 BREACH = 1e-3  # A coarse state may break a bound by this by its error, relative to the largest value.
 TOLERANCE = 1e-6  # The tolerance of the certificate; what low degrees leave of the inequalities is below a tenth of it.
+FURTHEST = 0.8  # Newton's iteration finds a joint again that starts in this part of a stick part.
 # Degrees that a given solution starts with, one after another, and one by another method. Where friction is little, or
 # parts are short, a low degree knows it too coarsely to place a joint by it.
 WARM, RESCUE = (6, 8), (8, 12)
@@ -143,8 +144,9 @@ class Run:
         return self.newton(state.of_degree(max(FINE, state.degree)), why, arrived=PLACED)
 
     def is_plausible(self, state: State) -> bool:
-        """Whether a state has a contact, and the belt is pressed onto the pulley."""
-        return state.ends[-2] - state.ends[1] >= SHORTEST and not lifts(state)
+        """Whether a state has a contact and, but for the lowest degree, the belt is pressed onto the pulley."""
+        contact = state.ends[-2] - state.ends[1]
+        return bool(contact >= SHORTEST and (state.degree == LOWEST or not lifts(state)))
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -205,7 +207,7 @@ class Run:
 
 def trusted(breach: float) -> Tolerances:
     """Tolerances of a state that may break bounds by this part of the largest value by its error."""
-    return Tolerances(shrunk=0.0, bound=breach, sense=breach)
+    return Tolerances(shrunk=0.0, bound=breach, sense=breach, furthest=FURTHEST)
 
 
 def lifts(state: State) -> bool:

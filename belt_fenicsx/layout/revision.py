@@ -94,11 +94,13 @@ class Tolerances:
             not known better.
         bound: Excess of Coulomb's bound that does not count, relative to the largest bound of the part.
         sense: Speed of sliding in the wrong sense that does not count, relative to the largest speed of the part.
+        furthest: Part of a stick part that sliding next to it takes at once, at most.
     """
 
     shrunk: float
     bound: float
     sense: float
+    furthest: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -228,10 +230,11 @@ class _Contact:
         if broken[0] and i == 0:
             why = "Coulomb's bound breaks where stick begins"
             place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + FURTHEST * length
+            place = min(place, ends[0] + self.tolerances.furthest * length)
             return self.revised(why, [before, *parts], [ends[0], place, *ends[1:]])
         if broken[-1]:
             place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - FURTHEST * length
-            return self.ended(i, place)
+            return self.ended(i, max(place, ends[i + 1] - self.tolerances.furthest * length))
         return None
 
     def ended(self, i: int, place: float) -> Revision | None:
