@@ -1,43 +1,42 @@
 """The belt as a boundary-value problem, solved by collocation: an independent check without finite elements.
 
-Each zone of the belt has its own ordinary differential equations (section 18.3, `bvp_zones`), and each is mapped to
-[0, 1] (`bvp_problem`). The unknown constants are the borders of the zones, the stretch in stick and the forces in the
+Each part of the belt has its own ordinary differential equations (section 18.3, `equations`), and each is mapped to
+[0, 1] (`problem`). The unknown constants are the joints of the parts, the stretch in stick and the forces in the
 free spans. With these forces the source's nineteen equations are fifteen: two of the six in each free span are
 integrated by hand, which makes the collocation's matrices smaller and keeps the force constant to rounding.
 
-1. A taut string on a coarse mesh is the first guess (`bvp_guess`), with stick and then slip. Where Newton's iteration
-   does not find an answer from it, it goes there in steps: from a belt that bends more easily, which is more like a
-   string, or from one that bends less easily, whose layers are wider.
-2. Where a bound of friction breaks, the order of the zones changes (`bvp_order`), one zone at a time. A new border
-   starts where the solution before breaks the bound.
-3. Finer meshes then make the answer as accurate as wanted (`bvp_collocation`), and the order is reviewed once more.
+1. A coarse state, by the ladder in `run`; for a given speed or torque, by way of pure stick and pure slip
+   (`search.drives`).
+2. Where a bound of friction breaks, other rows (`search.find`), one part at a time.
+3. Finer meshes make the answer as accurate as wanted (`newton`), and the rows are judged once more.
+4. Where that is no answer, the same from a finer first mesh.
 """
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.bvp.coarse import Run, State, left, ordered, placed
-from belt_fenicsx.bvp.drive import answers, driven, meets
 from belt_fenicsx.bvp.guess import from_fields
-from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, Refined, refined
-from belt_fenicsx.bvp.order import STICK, Order, asked, pose
-from belt_fenicsx.bvp.reading import FIELDS, answer, changes, field_errors, plausible, seen
+from belt_fenicsx.bvp.newton import COARSE
+from belt_fenicsx.bvp.reading import FIELDS, answer, field_errors, seen
+from belt_fenicsx.bvp.run import Run
+from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.drives import solve_driven
+from belt_fenicsx.search.find import answers, find, layout_of, settle_from
+from belt_fenicsx.search.limits import check_smooth, meets
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
 METHOD = "bvp"
-MESHES = (COARSE, 8 * COARSE)  # on which the order of the zones is found
-TOLERANCE = 1e-7  # of the certificate, at least
-CAREFUL = 1e-8  # relative accuracy with which a scene is refused
-FIELD, FINEST_FIELD = 1e4, 1e-8  # error of a field that is allowed, over that of omega, and at least
+MESHES = (COARSE, 8 * COARSE)  # Numbers of intervals of the meshes on which the layout is found.
+TOLERANCE = 1e-7  # The tolerance of the certificate is no smaller.
+CAREFUL = 1e-8  # A scene is refused by an answer of no less relative accuracy.
 
 
 def solve(
@@ -89,46 +88,42 @@ def _certified(scene: Scene, rtol: float, find_zones: bool, initial: Solution | 
 
 def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None) -> Solution:
     dimensionless, units = scene.dimensionless()
-    run, pulley = Run(dimensionless, units, find_zones), dimensionless.pulleys[0]
+    run = Run(dimensionless, units, rtol, find_zones)
     solution = Solution(scene=scene, method=METHOD, status=Status.SOLVED)
+    if not find_zones:
+        run.stages.skipped("zone order", "the order is not to change")
     try:
-        if pulley.friction == 0.0 and pulley.torque:
-            raise Stopped(Status.CAPACITY_EXCEEDED, "Without friction, the belt transmits 0 N m.")
-        state, end = _found(run, initial, rtol)
-        contact, zones, fields = answer(state.problem, dimensionless, end.discrete, pulley.omega)
+        check_smooth(dimensionless)
+        state = _find(run, initial)
+        contact, zones, fields = answer(state.problem, dimensionless, state.discrete, dimensionless.pulleys[0].omega)
         solution = replace(
             solution,
             contacts=(contact,),
             zones=zones,
             fields=fields,
-            error_estimate=float(end.errors[0]),
-            field_errors=field_errors(end.errors[1:]),
-            measures={"residual": end.discrete.residual},
+            error_estimate=float(run.end.errors[0]),
+            field_errors=field_errors(run.end.errors[1:]),
+            measures={"residual": state.discrete.residual},
             state=state,
         ).in_units(scene, units)
-        if not end.reached:
-            solution = replace(solution, status=Status.ACCURACY_NOT_REACHED, message=_missed(run, end, rtol))
+        if not run.end.reached:
+            solution = replace(solution, status=Status.ACCURACY_NOT_REACHED, message=_missed(run))
     except Stopped as stopped:
         solution = replace(solution, status=stopped.status, message=stopped.message)
     return replace(solution, stages=tuple(run.stages), iterations=run.stages.iterations)
 
 
-def _missed(run: Run, end: Refined, rtol: float) -> str:
+def _missed(run: Run) -> str:
     """What is less accurate than wanted."""
     asked_for = "the torque" if run.scene.pulleys[0].drive.kind == "omega" else "omega"
-    worst = int(np.argmax(end.errors / _wanted(rtol)))
+    worst = int(np.argmax(run.end.errors / run.wanted))
     return (
-        f"On {end.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
-        f"{end.errors[worst]:.1g}, {_wanted(rtol)[worst]:.1g} is wanted. Give a larger `rtol`."
+        f"On {run.end.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
+        f"{run.end.errors[worst]:.1g}, {run.wanted[worst]:.1g} is wanted. Give a larger `rtol`."
     )
 
 
-def _wanted(rtol: float) -> np.ndarray:
-    """Errors that are allowed: of omega or the torque, and of each of the fields."""
-    return np.array([rtol, *[max(FIELD * rtol, FINEST_FIELD)] * len(FIELDS)])
-
-
-def _found(run: Run, initial: Solution | None, rtol: float) -> tuple[State, Refined]:
+def _find(run: Run, initial: Solution | None) -> State:
     """The answer on the finest mesh that it needs.
 
     With little friction, all admissible speeds may lie closer together than those of coarse and fine meshes do; next
@@ -136,81 +131,45 @@ def _found(run: Run, initial: Solution | None, rtol: float) -> tuple[State, Refi
     """
     found = None
     for intervals in MESHES:
-        run.intervals = intervals
+        run.intervals, run.end = intervals, None
         try:
-            found = _refined(run, _warm(run, initial) or _cold(run), rtol)
+            state = find(run, _warm(run, initial) or _cold(run))
         except Stopped as stopped:
             diverged = stopped.status is Status.NEWTON_DIVERGED
             if not diverged or (found is None and (stopped.final or intervals == MESHES[-1])):
                 raise
         else:
-            if answers(run, found[0], doubt=0.0):
-                return found
+            found = state, run.end
+            if answers(run, state):
+                return state
     # What the first mesh showed may say why there is no answer.
-    if found[0].plausible and not meets(run, found[0]):
-        order = found[0].order
-        raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {order}, which does not meet the drive.")
-    return found
+    state, run.end = found
+    if run.is_plausible(state) and not meets(run, state):
+        message = f"The finest mesh leaves {state.layout}, which does not meet the drive."
+        raise Stopped(Status.NEWTON_DIVERGED, message)
+    return state
 
 
 def _warm(run: Run, initial: Solution | None) -> State | None:
     """An answer on the coarse mesh from a given one; None where there is none."""
-    pulley = run.scene.pulleys[0]
-    near = None if initial is None else _near(run, initial)
-    if near is None or (pulley.drive.kind == "x_trans" and not _asked_for(asked(pulley), near.order)):
+    layout = None if initial is None else layout_of(run.scene, initial)
+    if layout is None:
         run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
-    coarse = run.converged(near, "warm start")
-    run.stages.ran("warm start", "from the given solution", coarse.discrete.iterations)
-    state = ordered(run, coarse)
-    if not answers(run, state):
+    problem = pose(run.scene, layout)
+    if isinstance(initial.state, State):
+        near = initial.state.discrete.on(problem, run.intervals)
+    else:
+        near = from_fields(problem, initial, run.intervals)
+    state = settle_from(run, State(layout, problem, near), "warm start", "from the given solution")
+    if state is None or not answers(run, state):
         return None
     run.stages.skipped("taut string", "the warm start sufficed")
     run.stages.skipped("continuation", "the warm start sufficed")
     return state
 
 
-def _near(run: Run, initial: Solution) -> State | None:
-    """A given solution as a first guess on the coarse mesh; None where it has no contact."""
-    if isinstance(initial.state, State):
-        order = initial.state.order
-        problem = pose(run.scene, order)
-        return State(order, problem, initial.state.discrete.on(problem, run.intervals))
-    if initial.fields is None or not initial.contacts:
-        return None
-    order = Order.of(initial.zones)
-    problem = pose(run.scene, order)
-    return State(order, problem, from_fields(problem, initial, run.intervals))
-
-
-def _asked_for(wanted: Order, order: Order) -> bool:
-    """Whether an order that was found is one that was asked for, up to sliding where Coulomb's bound breaks."""
-    if wanted.transition is None or order.transition is None or order.longest:
-        return wanted.transition is None and (wanted == order or (order.longest and wanted.senses == (STICK,)))
-    return wanted.senses[1] == order.senses[order.transition + 1]
-
-
 def _cold(run: Run) -> State:
     """An answer on the coarse mesh, from the taut string."""
     pulley = run.scene.pulleys[0]
-    return placed(run) if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 else driven(run)
-
-
-def _refined(run: Run, state: State, rtol: float) -> tuple[State, Refined]:
-    """The answer as accurate as wanted."""
-    change = functools.partial(changes, run.scene)
-    # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
-    closer = CLOSER if run.scene.pulleys[0].drive.kind == "x_trans" else 0.0
-    while True:
-        end = refined(state.problem, state.discrete, change, _wanted(rtol), run.work, closer=closer)
-        fine = end.discrete
-        run.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", end.iterations)
-        if not fine.converged:
-            raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {left(fine)}.")
-        state = replace(state, discrete=fine)
-        # What the first mesh left in doubt shows here.
-        calm = plausible(state.problem, fine, DOUBT) and meets(run, state)
-        reviewed = ordered(run, state, doubt=0.0) if calm else state
-        if reviewed.order == state.order or not reviewed.plausible:
-            return state, end
-        state = reviewed
+    return run.start() if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 else solve_driven(run)

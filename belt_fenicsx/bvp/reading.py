@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.interpolate import PPoly
 
 from belt_fenicsx.bvp.equations import Slip
 from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, moment, placed_at, places
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
@@ -20,6 +23,7 @@ DENSE = 100  # intervals of each zone at least, for the fields
 SAMPLES = 97  # places in each zone at which the fields of two meshes are compared
 FIELDS = ("r", "theta", "D", "eps", "Gamma", "kappa", "Q", "p", "f", "v_rel")
 NO_FIELD = 1e-15  # largest value below which a field is nothing but rounding
+FINER = 16  # Pieces of each interval of the mesh in which a new joint is looked for.
 SAME_PLACE = 1e-12  # of coordinates that are the same but for rounding
 
 
@@ -74,7 +78,7 @@ def torque(problem: Problem, discrete: Discrete) -> float:
     return float(sum(moment(problem.rod, sign)(state) for state, sign in ends))
 
 
-def samples(problem: Problem, discrete: Discrete, inside: Array) -> Array:
+def columns(problem: Problem, discrete: Discrete, inside: Array) -> Array:
     """Coordinate, state, pressure and friction at places inside of each zone.
 
     Args:
@@ -96,6 +100,23 @@ def samples(problem: Problem, discrete: Discrete, inside: Array) -> Array:
     return np.stack(rows, axis=1)
 
 
+def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
+    """What a solution says about its layout, from the nodes of its mesh or, if more than one, so many pieces of it."""
+    table = columns(problem, discrete, places(discrete.widths, discrete.finer(pieces)))
+    parts = [
+        None if zone.kind == "free" else Sample(sigma=sigma, x=x, p=p, f=f, D=D)
+        for zone, sigma, x, D, p, f in zip(problem.zones, *table[[0, 1, 6, 7, 8]], strict=True)
+    ]
+    pressure = sum(float(trapezoid(part.p, part.sigma)) for part in parts if part is not None)
+    stretch, place = grip(problem, discrete)
+    return Samples(
+        ends=problem.borders(discrete.p),
+        parts=tuple(parts),
+        pulleys=(Resultants(stretch, place, pressure, -torque(problem, discrete) / problem.rod.radius),),
+        finer=functools.partial(samples, problem, discrete, FINER) if pieces == 1 else None,
+    )
+
+
 def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -> Array:
     """How far two solutions of a dimensionless scene differ: in what is asked for, and in each of the `FIELDS`.
 
@@ -108,7 +129,7 @@ def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -
     for discrete in (before, after):
         D = grip(problem, discrete)[0]
         asked.append(math.log(abs(D)) if omega is None else torque(problem, discrete) / (problem.rod.radius * tension))
-        _, x, y, phi, theta, kappa, stretch, p, f = samples(problem, discrete, inside)
+        _, x, y, phi, theta, kappa, stretch, p, f = columns(problem, discrete, inside)
         eps, Gamma = stretch * np.cos(theta - phi) - 1.0, -stretch * np.sin(theta - phi)
         v_rel = stretch - (D if omega is None else problem.rod.radius * omega)
         Q = np.stack([problem.rod.b1 * eps, problem.rod.b2 * Gamma])
@@ -128,13 +149,13 @@ def answer(
 ) -> tuple[Contact, tuple[Zone, ...], Fields]:
     """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
-    columns, zones = samples(problem, discrete, places(discrete.widths, xi)), []
+    table, zones = columns(problem, discrete, places(discrete.widths, xi)), []
     for i, zone in enumerate(problem.zones):
         sense = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
-        (start, end), x = columns[0, i, [FIRST, LAST]].tolist(), columns[1, i, [FIRST, LAST]].tolist()
+        (start, end), x = table[0, i, [FIRST, LAST]].tolist(), table[1, i, [FIRST, LAST]].tolist()
         zones.append(Zone(kind=zone.kind, slip=sense, sigma=(start, end), x=(x[0], x[1])))
     index = np.repeat(np.arange(len(zones)), xi.size)
-    sigma, x, y, phi, theta, kappa, D, pressure, friction = columns.reshape(9, -1)
+    sigma, x, y, phi, theta, kappa, D, pressure, friction = table.reshape(9, -1)
     omega = speed(problem, discrete) if omega is None else omega
     fields = Fields.from_state(
         scene.belt,
@@ -154,7 +175,7 @@ def answer(
         scene.pulleys[0],
         omega=omega,
         torque=torque(problem, discrete),
-        y=(float(columns[2, 1, FIRST]), float(columns[2, -2, LAST])),
+        y=(float(table[2, 1, FIRST]), float(table[2, -2, LAST])),
     )
     return contact, tuple(zones), fields
 

@@ -10,6 +10,10 @@ Where rounding is reached, changes fall no further and the part is the largest.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from belt_fenicsx.fitted.dofs import local
@@ -20,22 +24,99 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN, shear_layer
 from belt_fenicsx.scene.scene import Scene
 
-# Part of the change by the last degree that is left as error, at most; and in units of the factor by which the change
-# of the pressure fell since the degree before.
+COARSEST = 1e-2  # A state is judged where its pressure changes by less, relative to the largest one.
+# At most this part of the change by the last degree is left as error; less where the change of the pressure fell since
+# the degree before, by this many times the factor of its fall.
 LEFT, GAIN = 1 / 4, 15.0
-# Part of the pressure's mean change by which the speed is wrong at least: its own change can be small by accident.
+# The speed is wrong by at least this part of the pressure's mean change: its own change can be small by accident.
 LEAST = 2e-6
-EPSILON = float(np.finfo(float).eps)
-ROUNDING = 5000.0  # of the speed, in that of a number; mostly it is less than a tenth of this
-BENDING = 4.0  # in that of a bending force in the shortest cell, for each cell: the larger one from a thousand cells on
-# Part of a field's change that is left: of stretches, whose errors fall by more, and of all others.
+EPSILON = float(np.finfo(float).eps)  # The rounding error of a number.
+ROUNDING = 5000.0  # The rounding error of the speed in units of `EPSILON`; mostly it is less than a tenth of this.
+# The rounding error of a bending force in the shortest cell, in units of `EPSILON`, for each cell; it is the larger one
+# from a thousand cells on.
+BENDING = 4.0
+# These parts of a field's change are left: of stretches, whose errors fall by more, and of all others.
 LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
-STRETCH = 5e-12  # rounding error of a stretch at any point
-TRACTION = 1e-9  # of pressure and friction, relative to the largest, for each shear layer along the radius
+STRETCH = 5e-12  # The rounding error of a stretch at any point.
+TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
+# The estimated error of the torque that goes with an rtol, over the rtol; the true one is a tenth of it, or less.
+OF_TORQUE = 100.0
 STRETCHES = ("D", "eps", "v_rel")
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How far a state is from the exact answer.
+
+    Attributes:
+        state: The state.
+        error: Estimated relative error of its angular velocity.
+        error_of_torque: That of its torque, relative to the radius times the tension.
+        errors_of_fields: Those of its fields, relative to their largest values; empty where the first is not known.
+        change_of_p: Largest change of its pressure by the last degree, relative to the largest pressure.
+        known: Whether the angular velocity and the fields are known, the latter well enough to judge by them.
+    """
+
+    state: State
+    error: float
+    error_of_torque: float
+    errors_of_fields: Mapping[str, float]
+    change_of_p: float
+    known: bool
+
+    def of(self, state: State) -> Accuracy:
+        """That of a state with which the search ended: of other rows than this one's, nothing is known."""
+        return (
+            self
+            if state is self.state
+            else replace(self, state=state, error=math.inf, error_of_torque=math.inf, known=False)
+        )
+
+    def missed(self, rtol: float) -> str:
+        """What is not as accurate as wanted; empty where all is."""
+        if self.error > rtol:
+            return f"The angular velocity is known to {self.error:.1g} of itself, {rtol:.1g} was asked for."
+        if self.error_of_torque > OF_TORQUE * rtol:
+            reached = f"{self.error_of_torque:.1g} of the radius times the tension"
+            return f"The torque is known to {reached}, {OF_TORQUE * rtol:.1g} goes with rtol {rtol:.1g}."
+        worst = max(self.errors_of_fields, key=lambda name: self.errors_of_fields[name])
+        if self.errors_of_fields[worst] > of_fields(rtol):
+            reached = f"{self.errors_of_fields[worst]:.1g} of its largest value"
+            return f"The field {worst} is known to {reached}, {of_fields(rtol):.1g} goes with rtol {rtol:.1g}."
+        return ""
+
+
+def of_fields(rtol: float) -> float:
+    """Accuracy of the fields, relative to their largest values, that goes with one of the angular velocity.
+
+    Energy methods know a functional to about the square of the error of their fields.
+    """
+    return math.sqrt(rtol)
+
+
+def estimate(
+    scene: Scene, before: State, start: State, state: State, change_before: float, rtol: float, *, last: bool
+) -> Accuracy:
+    """The accuracy of a state.
+
+    Args:
+        scene: The dimensionless scene.
+        before: The state of the degree before.
+        start: The same in elements of this degree.
+        state: The state.
+        change_before: Change of the pressure by the degree before; zero where there is none.
+        rtol: Wanted relative accuracy of the angular velocity; fields are of interest only where it is reached.
+        last: Whether there is no higher degree, so that they always are.
+    """
+    change = change_of_pressure(start, state)
+    error = error_of_known(scene, before, start, state, change, change_before)
+    of_torque = error_of_torque(scene, before, state, change, change_before)
+    known = error <= max(rtol, rounding(scene, state)) and of_torque <= OF_TORQUE * rtol and change <= COARSEST
+    errors = errors_of_fields(scene, before, state, change, change_before) if known or last else {}
+    return Accuracy(state, error, of_torque, errors, change, known and max(errors.values()) <= of_fields(rtol))
 
 
 def change_of_pressure(start: State, end: State) -> float:

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.kind import STICK
 from belt_fenicsx.layout.layers import cells_to, graded
-from belt_fenicsx.layout.layout import Zones
+from belt_fenicsx.layout.layout import Layout
 
 # Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
 # free spans are straight outside of their layers, contact is curved all along.
@@ -24,14 +23,14 @@ FEWEST = 3  # cells of a zone
 
 @dataclass(frozen=True)
 class Mesh:
-    """Zones divided into cells.
+    """Layout divided into cells.
 
     Attributes:
-        zones: The zones.
+        layout: The zones.
         counts: Number of cells of each zone.
     """
 
-    zones: Zones
+    layout: Layout
     counts: tuple[int, ...]
 
     @functools.cached_property
@@ -52,17 +51,17 @@ class Mesh:
     @functools.cached_property
     def touches(self) -> Array:
         """Whether each cell lies on the pulley ``(n,)``."""
-        return np.array([part.touches for part in self.zones.parts])[self.zone]
+        return np.array([part.touches for part in self.layout.parts])[self.zone]
 
     @functools.cached_property
     def sticks(self) -> Array:
         """Whether the belt sticks in each cell ``(n,)``."""
-        return np.array([part == STICK for part in self.zones.parts])[self.zone]
+        return np.array([part.kind == "stick" for part in self.layout.parts])[self.zone]
 
     @functools.cached_property
     def senses(self) -> Array:
         """Sense of sliding of each cell ``(n,)``."""
-        return np.array([part.sense for part in self.zones.parts])[self.zone]
+        return np.array([part.sense for part in self.layout.parts])[self.zone]
 
     @functools.cached_property
     def begins(self) -> Array:
@@ -71,7 +70,7 @@ class Mesh:
 
     @functools.cached_property
     def _hash(self) -> int:
-        return hash((self.zones, self.counts))
+        return hash((self.layout, self.counts))
 
     def __hash__(self) -> int:
         return self._hash
@@ -90,19 +89,19 @@ def once(mesh: Mesh, count: int) -> tuple[Array, Array]:
 
 
 @functools.lru_cache(maxsize=64)
-def meshed(zones: Zones, counts: tuple[int, ...]) -> Mesh:
-    """Zones divided into so many cells; made once in a process, with what follows from it."""
-    return Mesh(zones, counts)
+def meshed(layout: Layout, counts: tuple[int, ...]) -> Mesh:
+    """Layout divided into so many cells; made once in a process, with what follows from it."""
+    return Mesh(layout, counts)
 
 
 def divided(
-    zones: Zones, ends: Sequence[float] | Array, *, bending: float, shear: float, elements: int | None = None
+    layout: Layout, ends: Sequence[float] | Array, *, bending: float, shear: float, elements: int | None = None
 ) -> tuple[Mesh, Array]:
     """Divides zones into cells.
 
     Args:
-        zones: The zones.
-        ends: Their ends in the material-length coordinate ``(len(zones.parts) + 1,)`` [m].
+        layout: The zones.
+        ends: Their ends in the material-length coordinate ``(len(layout.parts) + 1,)`` [m].
         bending: Length of the bending layers, at both ends of free zones [m].
         shear: Length of the shear layers, at both ends of zones in contact [m].
         elements: Number of cells in all; by default, as many as the layers call for.
@@ -116,13 +115,13 @@ def divided(
         (FIRST_CONTACT * shear / (end - start), GROWTH_CONTACT)
         if part.touches
         else (FIRST_FREE * bending / (end - start), GROWTH_FREE)
-        for part, (start, end) in zip(zones.parts, itertools.pairwise(ends), strict=True)
+        for part, (start, end) in zip(layout.parts, itertools.pairwise(ends), strict=True)
     ]
     wanted = [2.0 * cells_to(0.5, *grading) for grading in gradings]
     share = 1.0 if elements is None else elements / sum(wanted)
-    for part, grading, count in zip(zones.parts, gradings, wanted, strict=True):
+    for part, grading, count in zip(layout.parts, gradings, wanted, strict=True):
         # A contact zone that is as short as a first cell is one: errors of tractions grow as cells get shorter.
         fewest = min(FEWEST, math.ceil(1.0 / grading[0])) if part.touches else FEWEST
         counts.append(max(fewest, int(count * share)))
         nodes += itertools.pairwise(graded(*grading, counts[-1]))
-    return meshed(zones, tuple(counts)), np.array(nodes)
+    return meshed(layout, tuple(counts)), np.array(nodes)

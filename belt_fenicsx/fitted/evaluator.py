@@ -13,7 +13,7 @@ from belt_fenicsx.fitted.cells import meshed
 from belt_fenicsx.fitted.dofs import width
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part
-from belt_fenicsx.layout.layout import ordered
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
@@ -106,6 +106,6 @@ class Evaluator:
         from belt_fenicsx.fitted.state import State
 
         plain, units = self.scene.dimensionless()
-        zones = ordered(plain, [Part(zone.kind, zone.slip) for zone in self.zones[1:-1]])
-        mesh = meshed(zones, tuple(self.counts.tolist()))
+        layout = ordered(plain, [Part(zone.kind, zone.slip) for zone in self.zones[1:-1]])
+        mesh = meshed(layout, tuple(self.counts.tolist()))
         return State(plain, mesh, self.cells, int(self.degree), self.ends, self.chords, self.values), units

@@ -35,7 +35,7 @@ CHORD = (
 # The pulley on which a cell lies: its radius, its friction coefficient, its side of the belt (+1 on the right), and
 # what its drive gives: the transition's x from the centre, the elongation D - 1 in stick, or the force of friction.
 PULLEY = ("R", "mu", "side", "given")
-SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "hold", "grip", "force")
+SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "stretch", "grip", "force")
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def border_conditions(
         on.x * (belt.r[0] - cell.given)
         + on.speed * (u.e - cell.given)
         + on.coulomb * (f + on.sense * cell.mu * p)
-        + on.hold * (belt.e - u.e)
+        + on.stretch * (belt.e - u.e)
     )
     return borders + stretch - v.e * on.grip * on.force * cell.given
 

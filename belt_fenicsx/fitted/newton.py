@@ -323,16 +323,17 @@ def switches(mesh: Mesh) -> Array:
     """Which equations hold where ``(n, 2, len(SWITCHES))``."""
     column = {name: index for index, name in enumerate(SWITCHES)}
     on = np.zeros((mesh.zone.size, 2, len(SWITCHES)))
-    parts, borders = mesh.zones.parts, mesh.zones.borders
+    parts, joints = mesh.layout.parts, mesh.layout.joints
     on[:, :, column["touch"]] = mesh.touches[:, None]
     on[:, :, column["stick"]] = np.array([part.kind == "stick" for part in parts])[mesh.zone, None]
     on[:, :, column["sense"]] = np.array([part.sense for part in parts])[mesh.zone, None]
-    for node, border, before, after in zip(mesh.ends, borders, parts[:-1], parts[1:], strict=True):
-        here = (node - 1, 1) if border.side == BEFORE else (node, 0)
-        on[here][column[border.condition]] = 1.0
-        if border.condition == "coulomb":
+    for node, joint, before, after in zip(mesh.ends, joints, parts[:-1], parts[1:], strict=True):
+        here = (node - 1, 1) if joint.side == BEFORE else (node, 0)
+        on[here][column[joint.equation]] = 1.0
+        if joint.equation == "coulomb":
             # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
-            on[here][column["sense"]] = -after.sense if border.side == BEFORE else before.sense
-    on[mesh.ends[mesh.zones.grip] - 1, 1, column["grip"]] = 1.0
-    on[:, :, column["force"]] = mesh.zones.by_force
+            on[here][column["sense"]] = -after.sense if joint.side == BEFORE else before.sense
+    (speed,) = mesh.layout.speeds
+    on[mesh.ends[speed.grip] - 1, 1, column["grip"]] = 1.0
+    on[:, :, column["force"]] = speed.equation == "torque"
     return on

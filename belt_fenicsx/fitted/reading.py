@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.fitted.cells import once
+from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.state import POINTS, State, tables
 from belt_fenicsx.layout.arrays import Array, vectors
+from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
@@ -17,10 +19,39 @@ from belt_fenicsx.solution.fields import Fields
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
 
-def along(state: State, index: int) -> tuple[Array, Array, Array, Array]:
-    """sigma, p, f and D densely along a zone."""
+def samples(scene: Scene, state: State) -> Samples:
+    """What a state says about its layout."""
+    stretch, place = grip(scene, state)
+    parts = [sample(state, i) if part.touches else None for i, part in enumerate(state.layout.parts)]
+    on_pulley = Resultants(stretch, place, state.pressure_force, state.friction_force)
+    return Samples(ends=state.ends, parts=tuple(parts), pulleys=(on_pulley,))
+
+
+def sample(state: State, index: int) -> Sample:
+    """Fields densely along a part."""
     cells, dense = state.mesh.cells(index), state.dense
-    return tuple(field[cells].ravel() for field in (dense.sigma, dense.p, dense.f, dense.D))
+
+    def along(field: Array) -> Array:
+        # Where cells meet, a point counts once.
+        return np.append(field[cells, :-1].ravel(), field[cells][-1, -1])
+
+    return Sample(*(along(field) for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D)))
+
+
+def grip(scene: Scene, state: State) -> tuple[float, float]:
+    """Stretch D and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
+    transition, pulley = state.layout.transition(0), scene.pulleys[0]
+    if transition or pulley.friction == 0.0:
+        return state.D_stick, float(state.ends_r[state.mesh.ends[transition], 0].real)
+    sense, at = state.layout.parts[1].sense, sample(state, 1)
+    sigma, x, D = at.sigma, at.x, at.D
+    slowest, last = int(np.argmin(sense * D)), D.size - 1
+    while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
+        sigma = np.linspace(sigma[slowest - 1], sigma[slowest + 1], POINTS)
+        cell, xi = state.located(sigma)
+        x, D = state.at(cell, xi)[0].real, np.abs(1.0 + state.strains_at(cell, xi)[0])
+        slowest, last = int(np.argmin(sense * D)), D.size - 1
+    return float(D[slowest]), float(x[slowest])
 
 
 def pulley_speed(scene: Scene, state: State) -> float:
@@ -29,18 +60,15 @@ def pulley_speed(scene: Scene, state: State) -> float:
     Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.drive.kind == "omega" and (pulley.friction == 0.0 or not state.mesh.zones.transition):
+    if pulley.omega is not None and (pulley.friction == 0.0 or not state.layout.transition(0)):
         return pulley.omega * pulley.radius
-    if state.mesh.zones.transition or pulley.friction == 0.0:
-        return state.D_stick
-    sense, (sigma, _, _, D) = state.mesh.zones.parts[1].sense, along(state, 1)
-    slowest, last = int(np.argmin(sense * D)), D.size - 1
-    while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
-        # Where cells meet, a point counts twice.
-        sigma = np.linspace(sigma[max(slowest - 2, 0)], sigma[min(slowest + 2, last)], POINTS)
-        D = np.abs(1.0 + state.strains_at(*state.located(sigma))[0])
-        slowest, last = int(np.argmin(sense * D)), D.size - 1
-    return float(D[slowest])
+    return grip(scene, state)[0]
+
+
+def holds(scene: Scene, state: State) -> bool:
+    """Whether friction holds at all Gauss points of stick, so that a coarse state calls for no other layout."""
+    at, values = local(state.degree), state.values[state.mesh.sticks]
+    return not np.any(np.abs(values[:, at.f]) > scene.pulleys[0].friction * values[:, at.p])
 
 
 def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
@@ -84,7 +112,7 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
     sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
     zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.zones.parts)
+        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.layout.parts)
     )
     contact = Contact.from_zones(
         zones[1:-1],

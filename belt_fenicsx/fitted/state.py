@@ -13,7 +13,7 @@ from belt_fenicsx.fitted.dofs import local, width
 from belt_fenicsx.fitted.elements import gauss_basis, gauss_weights, nodal_basis, points
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
-from belt_fenicsx.layout.layout import Zones
+from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.mechanics.rod import Strains, tractions
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields, simpson_weights
@@ -75,7 +75,7 @@ class State:
 
     Attributes:
         scene: The dimensionless scene.
-        mesh: Zones and cells.
+        mesh: Layout and cells.
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
         ends: Ends of the zones in the material-length coordinate ``(z + 1,)``.
@@ -92,6 +92,11 @@ class State:
     ends: Array
     chords: Array
     values: Array
+
+    @property
+    def layout(self) -> Layout:
+        """What the belt does part by part."""
+        return self.mesh.layout
 
     @property
     def D_stick(self) -> float:
@@ -273,10 +278,10 @@ def on_chords(chords: Array, xi: Array) -> Array:
     return chords[:, :1] + xi * chords[:, 1:]
 
 
-def _blank(scene: Scene, zones: Zones, ends: Array, strain: float, degree: int, elements: int | None) -> State:
-    """Zones divided into cells, without fields."""
+def _blank(scene: Scene, layout: Layout, ends: Array, strain: float, degree: int, elements: int | None) -> State:
+    """Layout divided into cells, without fields."""
     layers = {"bending": bending_layer(scene, strain), "shear": shear_layer(scene, strain)}
-    mesh, cells = divided(zones, ends, **layers, elements=elements)
+    mesh, cells = divided(layout, ends, **layers, elements=elements)
     values = np.zeros((len(cells), width(degree)))
     values[:, local(degree).sigma.stop - 1] = (ends[1:] - ends[:-1])[mesh.zone] * (cells[:, 1] - cells[:, 0])
     return State(scene, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
@@ -305,20 +310,20 @@ def sum_error(a: Array, b: Array, rounded: Array) -> Array:
     return (a - (rounded - of_b)) + (b - of_b)
 
 
-def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, elements: int | None = None) -> State:
+def from_string(scene: Scene, string: TautString, layout: Layout, degree: int, elements: int | None = None) -> State:
     """The taut string, with its pressure and its friction in sliding.
 
     Args:
         scene: The dimensionless scene.
         string: The string over its pulley.
-        zones: The zones, of which the string has one or two in contact.
+        layout: The zones, of which the string has one or two in contact.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
     half = scene.belt.length / 2
-    borders = string.borders if len(zones.borders) == 3 else string.borders[[0, 2]]
+    borders = string.borders if len(layout.joints) == 3 else string.borders[[0, 2]]
     ends = np.array([-half, *borders, half])
-    state = _blank(scene, zones, ends, float(np.mean(string.strain)), degree, elements)
+    state = _blank(scene, layout, ends, float(np.mean(string.strain)), degree, elements)
     at, (nodes, _), sigma = local(degree), points(degree), state.sigma
     inside = (sigma[:, :1] + state.length[:, None] * nodes).ravel()
     n = len(sigma)
@@ -332,7 +337,7 @@ def from_string(scene: Scene, string: TautString, zones: Zones, degree: int, ele
 
 
 def from_fields(
-    scene: Scene, old: Fields | State, zones: Zones, ends: Array, degree: int, elements: int | None = None
+    scene: Scene, old: Fields | State, layout: Layout, ends: Array, degree: int, elements: int | None = None
 ) -> State:
     """The fields of another solution on other zones, for a scene that may be another one.
 
@@ -340,13 +345,13 @@ def from_fields(
         scene: The dimensionless scene.
         old: The dimensionless fields of the other solution; its state where it is one of this method, so that nothing
             is lost between points.
-        zones: The zones.
+        layout: The zones.
         ends: Ends of the zones ``(z + 1,)``.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
     elongation = old.values[0, -1] if isinstance(old, State) else float(old.D[0] - old.v_rel[0]) - 1.0
-    state = _blank(scene, zones, ends, elongation, degree, elements)
+    state = _blank(scene, layout, ends, elongation, degree, elements)
     if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
         same = old.of_degree(degree)
         state = replace(same, scene=scene, ends=ends, chords=same.chords.copy(), values=same.values.copy())

@@ -1,99 +1,94 @@
-"""Parts of the belt as rows: what each of them does, and what holds at the borders between them.
+"""What the belt does, as rows: its parts, the joints between them, and the equations for all that is unknown of them.
 
-A list of parts is all that tells one scene's equations from another's. `posed` writes down the list that a scene asks
-for. Pure Python.
+The unknown scalars are the lengths of the parts and the surface speed of each pulley. Their equations are one at each
+joint, one for each speed, and the length of the belt. Each method has its own formula for each of these equations.
+Pure Python.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from belt_fenicsx.layout.kind import FREE, STICK, Part
-from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
-from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.layout.kind import Part
 
-Condition = Literal["tangent", "x", "speed", "hold", "coulomb"]
+Equation = Literal["tangent", "x", "speed", "stretch", "coulomb"]
 BEFORE, AFTER = 0, 1
 
 
 @dataclass(frozen=True)
-class Border:
-    """The condition that places a border.
+class Joint:
+    """The equation that places the joint of two parts.
 
     Attributes:
-        condition: ``"tangent"`` (the belt is tangent to the pulley: no concentrated force), ``"x"`` (the border
-            lies at the scene's transition), ``"speed"`` (the belt sticks at the scene's angular velocity),
-            ``"hold"`` (the belt's stretch is that in stick) or ``"coulomb"`` (friction in stick reaches its bound).
+        equation: ``"tangent"`` (the belt is tangent to the pulley: no concentrated force), ``"x"`` (the joint lies at
+            the scene's transition), ``"speed"`` (the belt in stick has the scene's angular velocity), ``"stretch"``
+            (the belt's stretch is that in stick) or ``"coulomb"`` (friction in stick reaches its bound).
         side: The side from which the fields are taken, ``BEFORE`` or ``AFTER``.
     """
 
-    condition: Condition
+    equation: Equation
     side: int
 
 
+RUN_UP_JOINT, RUN_OFF_JOINT = Joint("tangent", BEFORE), Joint("tangent", AFTER)
+
+
 @dataclass(frozen=True)
-class Zones:
-    """An ordered list of zones, and the borders between them.
+class Speed:
+    """The equation for the surface speed of a pulley, which the belt has where it sticks.
 
     Attributes:
-        parts: The zones, in the direction of travel; the first and the last are free.
-        borders: One border between each two zones.
-        by_force: Whether the stretch in stick is the one at which friction has the scene's resultant, instead of the
-            one at the border `grip`.
+        equation: ``"stretch"`` (the belt's stretch before the joint `grip` is the one that goes with this speed) or
+            ``"torque"`` (friction has the scene's torque).
+        grip: Index of the joint at which the belt first has the pulley's speed.
+    """
+
+    equation: Literal["stretch", "torque"]
+    grip: int
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the belt does part by part, in the direction of travel.
+
+    Attributes:
+        parts: The parts.
+        joints: One between each two parts.
+        speeds: One for each pulley that is touched.
     """
 
     parts: tuple[Part, ...]
-    borders: tuple[Border, ...]
-    by_force: bool = False
+    joints: tuple[Joint, ...]
+    speeds: tuple[Speed, ...]
+
+    def __post_init__(self) -> None:
+        unknowns, of_the_length = len(self.parts) + len({part.pulley for part in self.contact}), 1
+        assert len(self.joints) + len(self.speeds) + of_the_length == unknowns, "as many equations as unknowns"
+
+    def __str__(self) -> str:
+        return " | ".join(map(str, self.contact))
 
     @property
-    def transition(self) -> int:
-        """The border at which the belt leaves the pulley's speed for good; the run-off in pure stick, the run-up where
-        it slides all along in one sense."""
-        if STICK in self.parts:
-            return self.parts.index(STICK)
-        return 1 if len(self.parts) > 3 else 0
+    def contact(self) -> tuple[Part, ...]:
+        """The parts that touch a pulley."""
+        return tuple(part for part in self.parts if part.touches)
 
-    @property
-    def grip(self) -> int:
-        """The border at which the belt's stretch is the stretch in stick."""
-        return self.transition - (STICK in self.parts)
+    def on(self, pulley: int) -> range:
+        """Indices of the parts on a pulley."""
+        touching = [i for i, part in enumerate(self.parts) if part.touches and part.pulley == pulley]
+        return range(touching[0], touching[-1] + 1)
 
+    def transition(self, pulley: int) -> int:
+        """The joint at which the belt leaves the pulley's speed for good: the end of its first stick part.
 
-RUN_UP_BORDER, RUN_OFF_BORDER = Border("tangent", BEFORE), Border("tangent", AFTER)
+        It is the end of the first slip part where nothing sticks, and the run-up where that is the only part.
+        """
+        on = self.on(pulley)
+        sticking = [i for i in on if self.parts[i].kind == "stick"]
+        return sticking[0] if sticking else on[0] - (len(on) == 1)
 
-
-def posed(scene: Scene, slip: Slip | None = None) -> Zones:
-    """The zones that a scene asks for, sliding in the given sense where the scene leaves it open."""
-    pulley = scene.pulleys[0]
-    sliding = Part("slip", pulley.slip or slip or "forward")
-    if pulley.friction == 0.0 or pulley.x_trans == RUN_UP:
-        return ordered(scene, [sliding])
-    return ordered(scene, [STICK] if pulley.x_trans == RUN_OFF else [STICK, sliding])
-
-
-def ordered(scene: Scene, contact: Sequence[Part]) -> Zones:
-    """Zones in contact, with free ones around them and the conditions at the borders between them.
-
-    The belt leaves the pulley's speed for good at the end of the first stick zone, or of the first slip zone where
-    nothing sticks: it does so where the scene says, or else where friction cannot hold it any longer. Before, sliding
-    passes into stick where friction is continuous; after, sliding turns where the belt has the pulley's speed.
-    """
-    drive = scene.pulleys[0].drive.kind
-    placed: dict[str, Condition] = {"x_trans": "x", "omega": "speed", "torque": "hold"}
-    borders, by_force = [RUN_UP_BORDER], False
-    left = contact.index(STICK) if STICK in contact else 0
-    for index, (_, after) in enumerate(itertools.pairwise(contact)):
-        if after == STICK:
-            borders.append(Border("coulomb", AFTER))
-        elif index != left:
-            borders.append(Border("hold", BEFORE))
-        elif scene.pulleys[0].x_trans == RUN_OFF:
-            borders.append(Border("coulomb", BEFORE))
-        else:
-            borders.append(Border(placed[drive], AFTER))
-            by_force = drive == "torque"
-    return Zones((FREE, *contact, FREE), (*borders, RUN_OFF_BORDER), by_force)
+    def slides_behind(self, pulley: int) -> bool:
+        """Whether the belt slides behind the transition, so that the drive of the pulley can place it."""
+        on, transition = self.on(pulley), self.transition(pulley)
+        return transition in on and transition + 1 in on

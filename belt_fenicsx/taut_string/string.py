@@ -84,7 +84,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     """The string over the pulley of a scene.
 
     A transition outside of the string's contact is moved into it. In pure stick the string's transition is its
-    run-off, in pure slip its run-up; a given speed or moment leaves it in the middle.
+    run-off, in pure slip its run-up; a given speed or torque leaves it in the middle.
 
     Args:
         scene: The scene.

@@ -12,7 +12,8 @@ import pytest
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Status, bvp, solve
 from belt_fenicsx.fitted.method import solved
 from belt_fenicsx.fitted.newton import newton
-from belt_fenicsx.fitted.start import Run, starts
+from belt_fenicsx.fitted.run import Run, ways
+from belt_fenicsx.solution.certificate import certified
 
 pytestmark = pytest.mark.serial
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
@@ -74,7 +75,7 @@ def test_field_errors_fall_with_rtol():
 
 
 def test_a_field_that_is_not_known_is_named(monkeypatch):
-    monkeypatch.setattr("belt_fenicsx.fitted.method.of_fields", lambda rtol: 1e-12)
+    monkeypatch.setattr("belt_fenicsx.fitted.accuracy.of_fields", lambda rtol: 1e-12)
     solution = solve(Scene(), throw=False)
     worst = max(solution.field_errors, key=solution.field_errors.get)
     assert solution.status is Status.ACCURACY_NOT_REACHED
@@ -198,8 +199,8 @@ def test_a_transition_outside_of_the_contact_is_told_its_interval_in_order():
 
 def test_the_budget_of_iterations_ends_a_solve_and_says_where():
     dimensionless, units = Scene().dimensionless()
-    run = Run(Scene(), dimensionless, units, None, newton(()), most=3)
-    solution = solved(run, starts(run, None), 1e-8, None)
+    run = Run(Scene(), dimensionless, units, newton(()), most=3)
+    solution = solved(run, ways(run, None))
     assert solution.status is Status.NEWTON_DIVERGED
     assert solution.message.startswith(
         "At degree 6, from the degree before: 3 iterations are spent, tried were the taut"
@@ -220,8 +221,14 @@ def test_friction_that_leaves_the_belt_slack_is_named(method, friction):
     assert "the belt is slack at one end of the contact" in solution.message
 
 
-def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed():
-    assert not solve(scene(friction=1e9, torque=10.0), throw=False).success
+@pytest.mark.parametrize(("drive", "omega", "torque"), [("torque", 1.4824928086, 10.0), ("omega", 1.48, 1128.92007)])
+def test_no_friction_is_large_enough_to_excuse_a_drive_that_is_missed(drive, omega, torque):
+    given = {"torque": torque, "omega": omega}[drive]
+    solution = solve(scene(friction=1e9, **{drive: given}))
+    (contact,) = solution.contacts
+    assert (contact.omega, contact.torque) == (pytest.approx(omega, rel=1e-9), pytest.approx(torque, rel=1e-7))
+    missed = replace(solution, contacts=(replace(contact, **{drive: given * (1.0 + 1e-6)}),))
+    assert certified(missed, tolerance=1e-6).status is Status.NOT_ADMISSIBLE
 
 
 def test_more_and_more_friction_holds_the_belt_up_to_its_run_off():

@@ -11,9 +11,9 @@ from belt_fenicsx import bvp
 from belt_fenicsx.bvp.equations import Free, Slip, Stick
 from belt_fenicsx.bvp.guess import guess
 from belt_fenicsx.bvp.newton import newton, refined
-from belt_fenicsx.bvp.order import pose
 from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, onset
 from belt_fenicsx.bvp.reading import speed
+from belt_fenicsx.bvp.state import pose
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley

@@ -7,14 +7,14 @@ import pytest
 
 from belt_fenicsx import bvp
 from belt_fenicsx.bvp import newton as bvp_collocation
-from belt_fenicsx.bvp.coarse import Run
-from belt_fenicsx.bvp.drive import driven
 from belt_fenicsx.bvp.newton import Work
 from belt_fenicsx.bvp.reading import FIELDS, changes
+from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import SolveError, Status
 from belt_fenicsx.taut_string.string import taut_string
@@ -211,7 +211,7 @@ def test_tightest_tolerance(thickness):
 def test_budget_of_newton_iterations():
     dimensionless, units = chapter(torque=600.0).dimensionless()
     with pytest.raises(Stopped, match="After 1 Newton iterations, .* stage `pure stick` has no answer yet") as caught:
-        driven(Run(dimensionless, units, work=Work(left=1.0)))
+        solve_driven(Run(dimensionless, units, work=Work(left=1.0)))
     assert caught.value.status is Status.NEWTON_DIVERGED
     assert "`initial`" in caught.value.message
 

@@ -19,7 +19,7 @@ from belt_fenicsx.fitted.forms import SWITCHES
 from belt_fenicsx.fitted.newton import Newton, iteration_on, newton, switches
 from belt_fenicsx.fitted.reading import fields_at
 from belt_fenicsx.fitted.state import from_string
-from belt_fenicsx.layout.layout import posed
+from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley

@@ -17,7 +17,7 @@ from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import fields_at
 from belt_fenicsx.fitted.state import from_fields, from_string
 from belt_fenicsx.layout.kind import STICK, Part
-from belt_fenicsx.layout.layout import ordered, posed
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
@@ -109,11 +109,11 @@ def test_a_drive_gives_the_same_state_back(stress, seed, number, drive):
 
 
 def test_zones_that_slide_both_ways_meet_at_the_transition():
-    zones = ordered(Scene(), [Part("slip", "forward"), Part("slip", "backward")])
-    assert [border.condition for border in zones.borders] == ["tangent", "x", "tangent"]
-    assert (zones.transition, zones.grip) == (1, 1)
-    zones = ordered(Scene(), [Part("slip", "forward"), STICK, Part("slip", "backward")])
-    assert (zones.transition, zones.grip) == (2, 1)
+    layout = ordered(Scene(), [Part("slip", "forward"), Part("slip", "backward")])
+    assert [joint.equation for joint in layout.joints] == ["tangent", "x", "tangent"]
+    assert (layout.transition(0), layout.speeds[0].grip) == (1, 1)
+    layout = ordered(Scene(), [Part("slip", "forward"), STICK, Part("slip", "backward")])
+    assert (layout.transition(0), layout.speeds[0].grip) == (2, 1)
 
 
 @pytest.mark.parametrize(("length", "thickness"), [(1.1, 0.08), (1.2, 0.1)])
@@ -136,7 +136,7 @@ def test_a_string_on_given_angles_of_the_pulley():
 def test_states_pass_on_without_loss():
     old = solve(Scene()).state
     scene, _ = Scene().dimensionless()
-    new = from_fields(scene, old, old.mesh.zones, old.ends, old.degree)
+    new = from_fields(scene, old, old.mesh.layout, old.ends, old.degree)
     exact = fields_at(scene, old, new.nodes[1:-1, 0])
     np.testing.assert_allclose(new.nodes[1:-1, 1], exact.x, atol=1e-14)
     np.testing.assert_allclose(new.values[1:, local(new.degree).theta.start], exact.theta, atol=1e-14)

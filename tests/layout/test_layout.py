@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from belt_fenicsx.fitted.cells import divided
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layers import bending_layer, graded, shear_layer
-from belt_fenicsx.layout.layout import AFTER, BEFORE, Border, ordered, posed
+from belt_fenicsx.layout.layout import AFTER, BEFORE, Joint, Layout, Speed
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
@@ -33,28 +37,46 @@ def test_senses_of_sliding():
 
 
 def test_conditions_at_the_borders():
-    zones = posed(Scene())
-    assert zones.borders == (Border("tangent", BEFORE), Border("x", AFTER), Border("tangent", AFTER))
-    assert zones.grip == 0
-    entered = ordered(Scene(), [Part("slip", "backward"), *zones.parts[1:-1]])
+    layout = posed(Scene())
+    assert layout.joints == (Joint("tangent", BEFORE), Joint("x", AFTER), Joint("tangent", AFTER))
+    assert layout.speeds == (Speed("stretch", 0),)
+    entered = ordered(Scene(), [Part("slip", "backward"), *layout.contact])
     assert entered.parts[1] == Part("slip", "backward")
-    assert entered.borders[1] == Border("coulomb", AFTER)
-    assert entered.grip == 1
-    assert len(entered.borders) == len(entered.parts) - 1
+    assert entered.joints[1] == Joint("coulomb", AFTER)
+    assert entered.speeds == (Speed("stretch", 1),)
+    assert str(entered) == "backward slip | stick | forward slip"
+
+
+def test_as_many_equations_as_unknowns():
+    layout = posed(Scene())
+    for missing in ({"joints": layout.joints[1:]}, {"speeds": ()}, {"parts": layout.parts[:-1]}):
+        with pytest.raises(AssertionError, match="as many equations as unknowns"):
+            replace(layout, **missing)
+    assert ordered(Scene(), []) == Layout((Part("free"),), (), ())
+
+
+def test_parts_of_several_pulleys_get_their_own_rows():
+    scene = SimpleNamespace(pulleys=(Pulley(), Pulley(torque=1.0)))
+    contact = [Part("stick"), Part("slip", "forward"), Part("stick", pulley=1), Part("slip", "backward", 1)]
+    layout = ordered(scene, contact)
+    assert [part.kind for part in layout.parts] == ["free", "stick", "slip", "free", "stick", "slip", "free"]
+    assert layout.speeds == (Speed("stretch", 0), Speed("torque", 3))
+    assert (layout.on(1), layout.transition(1), layout.slides_behind(1)) == (range(4, 6), 4, True)
 
 
 def test_conditions_of_each_drive_and_order():
     stick, forward, backward = Part("stick"), Part("slip", "forward"), Part("slip", "backward")
 
     def conditions(contact, **pulley):
-        zones = ordered(Scene(pulleys=(Pulley(**pulley),)), contact)
-        return [(border.condition, border.side) for border in zones.borders[1:-1]], zones.by_force
+        layout = ordered(Scene(pulleys=(Pulley(**pulley),)), contact)
+        by_torque = [speed.equation == "torque" for speed in layout.speeds]
+        return [(joint.equation, joint.side) for joint in layout.joints[1:-1]], *by_torque
 
     assert conditions([stick, forward], omega=1.48) == ([("speed", AFTER)], False)
-    assert conditions([stick, forward], torque=600.0) == ([("hold", AFTER)], True)
+    assert conditions([stick, forward], torque=600.0) == ([("stretch", AFTER)], True)
     assert conditions([stick, forward], x_trans="run-off") == ([("coulomb", BEFORE)], False)
     assert conditions([forward, stick, backward, forward], x_trans=0.0) == (
-        [("coulomb", AFTER), ("x", AFTER), ("hold", BEFORE)],
+        [("coulomb", AFTER), ("x", AFTER), ("stretch", BEFORE)],
         False,
     )
 

@@ -1,0 +1,200 @@
+"""A solve of the boundary-value problem that is under way: what the search asks of this method.
+
+Its own ladder to a coarse state, each step for scenes in which those before it fail:
+
+1. From the taut string.
+2. From pure stick, with the transition where the scene wants it: for the lengths of parts, then for their logarithms.
+3. In steps: from a belt that gives way in shear or bends more easily, which is more like a string, or from one that
+   bends less easily, whose layers are wider.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from belt_fenicsx.bvp.guess import divided, guess
+from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, Discrete, Refined, Work, refined, rounding
+from belt_fenicsx.bvp.reading import FIELDS, changes, plausible, samples
+from belt_fenicsx.bvp.state import State, pose
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import posed
+from belt_fenicsx.layout.revision import Samples, Tolerances
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.scene.units import Units
+from belt_fenicsx.search.drives import divide_stick
+from belt_fenicsx.search.find import check_transition, settle, settle_from
+from belt_fenicsx.search.limits import meets
+from belt_fenicsx.solution.stages import Stages, Stopped
+from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.string import taut_string
+
+# Stiffnesses on the way, over the belt's.
+CONTINUATIONS = (
+    ("b2", (1.0,)),
+    ("b2", (0.01, 0.03, 0.1, 0.3, 1.0)),
+    ("a", (0.1, 0.3, 1.0)),
+    ("a", (10.0, 3.0, 1.0)),
+)
+SHORTEST = 1e-6  # At least this part of the contact sticks, or slides, in a first guess.
+FINE, FINELY = 96, 1e-10  # Intervals, and the end of Newton's iteration, for the comparison with a limit.
+FIELD, FINEST_FIELD = 1e4, 1e-8  # A field may have this error, over that of omega, and at least.
+NOTHING = 1e-12  # A part that is no longer, in belt lengths, has shrunk to nothing.
+BROKEN = 1e-8  # A bound is broken where it is exceeded by this, relative to the largest one.
+SLACK = 1e-5  # The same for the sense of sliding on a coarse mesh, relative to the largest speed of the part.
+
+
+@dataclass
+class Run:
+    """A solve that is under way.
+
+    Attributes:
+        scene: The dimensionless scene.
+        units: Its units, for messages.
+        rtol: Wanted relative accuracy of what is asked for.
+        find_zones: Whether the layout may change.
+        intervals: Of the coarse mesh.
+        stages: What was done so far.
+        work: What may still be spent, by this run and by those that it starts.
+        end: The last refinement.
+        positive: Whether to solve for the logarithms of the lengths of parts on the pulley.
+    """
+
+    scene: Scene
+    units: Units
+    rtol: float = 1e-8
+    find_zones: bool = True
+    intervals: int = COARSE
+    stages: Stages = field(default_factory=Stages)
+    work: Work = field(default_factory=Work)
+    end: Refined | None = None
+    positive: bool = False
+
+    @property
+    def wanted(self) -> Array:
+        """Errors that are allowed: of omega or the torque, and of each of the fields."""
+        return np.array([self.rtol, *[max(FIELD * self.rtol, FINEST_FIELD)] * len(FIELDS)])
+
+    def at(self, scene: Scene) -> Run:
+        """A run on the way of this one, for another scene."""
+        return replace(self, scene=scene, stages=Stages(), end=None)
+
+    def transfer(self, state: State, layout: Layout, ends: Array) -> State:
+        """A state as a first guess on a layout whose parts have about these ends."""
+        problem = pose(self.scene, layout)
+        return State(layout, problem, divided(state.problem, state.discrete, problem, ends[1:-1]))
+
+    def converge(self, start: State, stage: str, why: str) -> State:
+        """Newton's iteration from a first guess; adds a stage.
+
+        Raises:
+            Stopped: It does not converge.
+        """
+        # Parts next to nothing need all digits, once the mesh is fine enough to tell.
+        tolerance = NEWTON if self.end is None else rounding(start.problem, start.discrete.mesh.size)
+        discrete = self.work.newton(start.problem, start.discrete, tolerance, stage, positive=self.positive)
+        self.stages.ran(stage, why, discrete.iterations)
+        if not discrete.converged:
+            raise Stopped(Status.NEWTON_DIVERGED, f"The {stage} leaves {unsolved(discrete)}.")
+        return replace(start, discrete=discrete)
+
+    def sharpen(self, state: State, why: str) -> State:
+        """The same state on a mesh that is fine enough to compare it with a limit."""
+        intervals = max(FINE, state.discrete.mesh.size - 1)
+        fine = self.work.newton(state.problem, state.discrete.on(state.problem, intervals), FINELY, why)
+        return replace(state, discrete=fine)
+
+    def is_plausible(self, state: State) -> bool:
+        """Whether a state has a mechanical sense."""
+        return plausible(state.problem, state.discrete)
+
+    def samples(self, state: State) -> Samples:
+        """What a state says about its layout."""
+        return samples(state.problem, state.discrete)
+
+    def tolerances(self, state: State) -> Tolerances | None:
+        """How far a state is trusted; None where the layout is not to change."""
+        if not self.find_zones:
+            return None
+        if self.end is not None:
+            # What the first mesh left in doubt shows here; but not in a state without a mechanical sense.
+            calm = plausible(state.problem, state.discrete, DOUBT) and meets(self, state)
+            return Tolerances(shrunk=NOTHING, bound=BROKEN, sense=BROKEN) if calm else None
+        borders = state.problem.borders(state.discrete.p)
+        doubt = state.discrete.doubt * float(borders[-2] - borders[1])
+        return Tolerances(shrunk=-doubt, bound=BROKEN, sense=SLACK)
+
+    def refine(self, state: State) -> State | None:
+        """The state on meshes fine enough for the wanted accuracy; None where it is on them.
+
+        Raises:
+            Stopped: Newton's iteration ends without convergence.
+        """
+        if self.end is not None and self.end.discrete is state.discrete:
+            return None
+        # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
+        closer = CLOSER if self.scene.pulleys[0].drive.kind == "x_trans" else 0.0
+        change = functools.partial(changes, self.scene)
+        self.end = refined(state.problem, state.discrete, change, self.wanted, self.work, closer=closer)
+        fine = self.end.discrete
+        self.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", self.end.iterations)
+        if not fine.converged:
+            raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {unsolved(fine)}.")
+        return replace(state, discrete=fine)
+
+    def start(self, near: State | None = None) -> State:
+        """A coarse state of a scene that says where stick ends; pure slip also from pure stick.
+
+        Raises:
+            SceneError: Stick cannot end at this place.
+            Stopped: There is none.
+        """
+        if slack := taut_string(self.scene).slack:
+            raise Stopped(Status.CONTACT_LOST, slack, final=True)
+        layout = posed(self.scene)
+        problem = pose(self.scene, layout)
+        first = State(layout, problem, guess(problem, self.scene, self.intervals))
+        if (state := settle_from(self, first, "taut string", "no plausible solution yet")) is not None:
+            self.stages.skipped("continuation", "the first guess sufficed")
+            return state
+        near = check_transition(self) or near
+        if near is not None and (ways := divide_stick(self.scene, near.layout, self.samples(near).densest, SHORTEST)):
+            start = self.transfer(near, *ways)
+            for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
+                if (state := settle_from(run, start, "pure stick", f"lengths {why}")) is not None:
+                    return state
+        state = self._continued(layout)
+        return settle(self, state) if self.is_plausible(state) else state
+
+    def _continued(self, layout: Layout) -> State:
+        """A state on the coarse mesh, from the taut string along belts of other stiffness.
+
+        Where a belt that is rigid in shear would touch the pulley at a point, another has a contact as short as its
+        kink there is slight. From a belt that gives way in shear, Newton's iteration finds it.
+
+        Raises:
+            Stopped: None of the ways converges.
+        """
+        problem, iterations = pose(self.scene, layout), 0
+        for stiffness, factors in CONTINUATIONS:
+            coarse, value = guess(problem, self.scene, self.intervals), getattr(problem.rod, stiffness)
+            for factor in factors:
+                rod = replace(problem.rod, **{stiffness: factor * value})
+                coarse = self.work.newton(replace(problem, rod=rod), coarse, NEWTON, "continuation", positive=True)
+                iterations += coarse.iterations
+                if not coarse.converged:
+                    break
+            if plausible(problem, coarse):
+                break
+        self.stages.ran("continuation", "the first guess did not lead to a plausible solution", iterations)
+        if not coarse.converged:
+            raise Stopped(Status.NEWTON_DIVERGED, f"The continuation leaves {unsolved(coarse)}.")
+        return State(layout, problem, coarse)
+
+
+def unsolved(discrete: Discrete) -> str:
+    """What is left of the equations."""
+    return f"a residual of {discrete.residual:.1g} on {discrete.mesh.size - 1} intervals"

@@ -1,0 +1,67 @@
+"""The layout that a scene asks for, and the equations of any other one.
+
+On a pulley, D' is about f0 - f, where f0 is the friction that would keep the stretch D constant. Stick needs f = f0 and
+|f0| <= mu p; sliding has f = -s mu p, its sense s being the sign of D less the stretch in stick. So:
+
+- Sliding passes into stick only where D' = 0, that is f0 = -s mu p: friction is continuous there ("coulomb").
+- Stick can end anywhere and in both senses, with a jump of friction. Where it does is what the drive decides. It ends
+  where |f0| = mu p at the latest: D' then has the sign of f0 whatever the friction, and so has the sliding.
+- Where D comes back to the stretch in stick otherwise, it crosses it, and sliding goes on in the other sense
+  ("stretch").
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+from belt_fenicsx.layout.kind import FREE, Part
+from belt_fenicsx.layout.layout import AFTER, BEFORE, RUN_OFF_JOINT, RUN_UP_JOINT, Equation, Joint, Layout, Speed
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley, Slip
+from belt_fenicsx.scene.scene import Scene
+
+PLACED_BY: dict[str, Equation] = {"x_trans": "x", "omega": "speed", "torque": "stretch"}
+
+
+def posed(scene: Scene, slip: Slip | None = None) -> Layout:
+    """The layout that a scene asks for, sliding in the given sense where the scene leaves it open."""
+    contact: list[Part] = []
+    for index, pulley in enumerate(scene.pulleys):
+        after = Part("slip", pulley.slip or slip or "forward", index)
+        stick = Part("stick", pulley=index)
+        if pulley.friction == 0.0 or pulley.x_trans == RUN_UP:
+            contact.append(after)
+        else:
+            contact += [stick] if pulley.x_trans == RUN_OFF else [stick, after]
+    return ordered(scene, contact)
+
+
+def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
+    """The layout of parts in contact, with free ones around those of each pulley and the equations at all joints."""
+    parts: list[Part] = [FREE]
+    joints: list[Joint] = []
+    speeds: list[Speed] = []
+    for index, group in itertools.groupby(contact, key=lambda part: part.pulley):
+        pulley, on = scene.pulleys[index], list(group)
+        sticks = [part.kind == "stick" for part in on]
+        # The part at whose end the belt leaves the pulley's speed for good.
+        left = sticks.index(True) if any(sticks) else 0
+        placed_by_torque = pulley.drive.kind == "torque" and left + 1 < len(on)
+        held = any(sticks) or len(on) == 1
+        speeds.append(Speed("torque" if placed_by_torque else "stretch", len(joints) + left + (not held)))
+        joints += [RUN_UP_JOINT, *_inner_joints(pulley, on, left), RUN_OFF_JOINT]
+        parts += [*on, FREE]
+    return Layout(tuple(parts), tuple(joints), tuple(speeds))
+
+
+def _inner_joints(pulley: Pulley, on: Sequence[Part], left: int) -> Iterator[Joint]:
+    """The joints between parts on a pulley, of which part ``left`` ends where the drive decides."""
+    for i, after in enumerate(on[1:]):
+        if after.kind == "stick":
+            yield Joint("coulomb", AFTER)
+        elif i != left:
+            yield Joint("stretch", BEFORE)
+        elif pulley.x_trans == RUN_OFF:
+            yield Joint("coulomb", BEFORE)
+        else:
+            yield Joint(PLACED_BY[pulley.drive.kind], AFTER)

@@ -1,0 +1,282 @@
+"""Which layout the tractions of a state call for: one rule for every method.
+
+A layout breaks where a part has shrunk to nothing, where friction in stick exceeds Coulomb's bound, or where the belt
+slides the other way. `revise` says what the first of these calls for, in the order of travel:
+
+1. A part that has shrunk to nothing is left out; sliding behind stick turns round instead, if the drive lets it.
+2. Stick that holds nowhere gives way to sliding; stick that breaks the bound at the run-up has a slip part before it.
+   Usually friction in stick is negative there, and positive at the run-off, so that the belt slides forward at both.
+3. Stick that breaks the bound at its end ends earlier, if the drive lets it: in pure stick, where friction reaches its
+   bound; by a given speed or torque, with sliding that turns, since these change without a break where it begins to.
+4. A slip part in which the belt slides both ways is two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.kind import Part, sliding
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered
+from belt_fenicsx.scene.pulley import RUN_OFF, Pulley
+from belt_fenicsx.scene.scene import Scene
+
+ROUNDING = 1e-14  # A stretch is known to about this.
+LEAST = 1e-3  # The part of a contact that a new part is long, at least, if nothing else tells its length.
+FURTHEST = 0.8  # Sliding takes this part of a stick part that holds nowhere, if it may hold later on.
+WORTH = 1e-4  # Sliding that turns in less, in belt lengths, is left as it is.
+BEGINNING = 1e-2  # Sliding that is right in no more than this part of its length is wrong all along.
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Fields densely along a part in contact: sigma, x, pressure p, friction f and stretch D, all ``(m,)``."""
+
+    sigma: Array
+    x: Array
+    p: Array
+    f: Array
+    D: Array
+
+
+@dataclass(frozen=True)
+class Resultants:
+    """What a pulley has of the belt.
+
+    Attributes:
+        speed: Stretch of the belt that goes with the pulley's speed: that in stick, or that of the belt where it is
+            nearest to stick.
+        place: Where the belt leaves this speed for good, or is nearest to it: a global coordinate.
+        pressure: Integral of the pressure.
+        friction: Integral of the friction.
+    """
+
+    speed: float
+    place: float
+    pressure: float
+    friction: float
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What a state of any method says about its layout, dimensionless.
+
+    Attributes:
+        ends: Ends of the parts in the material-length coordinate ``(len(parts) + 1,)``.
+        parts: Samples of the parts; None of free ones.
+        pulleys: Resultants on each pulley.
+        finer: Makes the same more densely, for the places of new joints, which have to start close to where they will
+            be; None if these samples suffice.
+    """
+
+    ends: Array
+    parts: tuple[Sample | None, ...]
+    pulleys: tuple[Resultants, ...]
+    finer: Callable[[], Samples] | None = None
+
+    @property
+    def densest(self) -> Samples:
+        """These samples as densely as there are any."""
+        return self if self.finer is None else self.finer()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """How far a state is trusted.
+
+    Attributes:
+        shrunk: Length in belt lengths down to which a part has not yet shrunk to nothing; negative where joints are
+            not known better.
+        bound: Excess of Coulomb's bound that does not count, relative to the largest bound of the part.
+        sense: Speed of sliding in the wrong sense that does not count, relative to the largest speed of the part.
+        furthest: Part of a stick part that sliding next to it takes at once, at most.
+    """
+
+    shrunk: float
+    bound: float
+    sense: float
+    furthest: float = 1.0
+
+
+@dataclass(frozen=True)
+class Revision:
+    """A layout that is called for.
+
+    Attributes:
+        why: What was seen.
+        layout: The layout; None where the drive asks for a transition at which stick cannot end.
+        ends: Ends of its parts, about ``(len(layout.parts) + 1,)``.
+    """
+
+    why: str
+    layout: Layout | None = None
+    ends: Array | None = None
+
+
+def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerances) -> Revision | None:
+    """What the first broken bound of a state calls for; None where all hold.
+
+    Args:
+        scene: The dimensionless scene.
+        layout: The layout of the state.
+        samples: Its samples.
+        tolerances: How far it is trusted.
+    """
+    for index, pulley in enumerate(scene.pulleys):
+        if (shrunk := _Contact(scene, layout, samples, tolerances, index).shrunk()) is not None:
+            return shrunk
+        if pulley.friction == 0.0 or (found := _broken(scene, layout, samples, tolerances, index)) is None:
+            continue
+        return _broken(scene, layout, samples.densest, tolerances, index) or found
+    return None
+
+
+def _broken(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerances, index: int) -> Revision | None:
+    """What the first bound that friction or sliding breaks on a pulley calls for."""
+    contact = _Contact(scene, layout, samples, tolerances, index)
+    for i, (part, (start, end)) in enumerate(zip(contact.parts, pairwise(contact.ends), strict=True)):
+        if start < end and (found := contact.held(i) if part.kind == "stick" else contact.turned(i)) is not None:
+            return found
+    return None
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """The parts on one pulley, counted from its run-up, and what each of them calls for."""
+
+    scene: Scene
+    layout: Layout
+    samples: Samples
+    tolerances: Tolerances
+    index: int
+
+    @property
+    def on(self) -> range:
+        return self.layout.on(self.index)
+
+    @property
+    def parts(self) -> list[Part]:
+        return [self.layout.parts[i] for i in self.on]
+
+    @property
+    def ends(self) -> list[float]:
+        return self.samples.ends[self.on[0] : self.on[-1] + 2].tolist()
+
+    @property
+    def pulley(self) -> Pulley:
+        return self.scene.pulleys[self.index]
+
+    @property
+    def transition(self) -> int | None:
+        """The part at whose end the belt leaves the pulley's speed for good; None where no sliding follows."""
+        slides = self.layout.slides_behind(self.index)
+        return self.layout.transition(self.index) - self.on[0] if slides else None
+
+    @property
+    def placed(self) -> bool:
+        """Whether the scene says where stick ends."""
+        return self.pulley.drive.kind == "x_trans" and self.pulley.x_trans != RUN_OFF and self.transition is not None
+
+    def sample(self, i: int) -> Sample:
+        """Samples of a part."""
+        sample = self.samples.parts[self.on[i]]
+        assert sample is not None
+        return sample
+
+    def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float] | Array) -> Revision:
+        """The layout with other parts on this pulley, of which equal neighbours are one."""
+        kept = [i for i in range(len(parts)) if i == 0 or parts[i] != parts[i - 1]]
+        contact, before, after = [parts[i] for i in kept], self.on[0], self.on[-1] + 1
+        others = [
+            [part for part in some if part.touches] for some in (self.layout.parts[:before], self.layout.parts[after:])
+        ]
+        layout = ordered(self.scene, [*others[0], *contact, *others[1]])
+        own = [*(ends[i] for i in kept), ends[-1]] if contact else []
+        sigma = self.samples.ends
+        revised = Revision(why, layout, np.concatenate([sigma[:before], own, sigma[after + 1 :]]))
+        if not self.placed:
+            return revised
+        there = layout.slides_behind(self.index) and layout.parts[layout.transition(self.index) + 1]
+        return revised if there and there.slip == self.pulley.slip else Revision(why)
+
+    def shrunk(self) -> Revision | None:
+        """The layout without the shortest part, if that has shrunk to nothing."""
+        parts, ends = self.parts, self.ends
+        lengths = np.diff(ends)
+        i, last = int(np.argmin(lengths)), len(parts) - 1
+        if lengths[i] > self.tolerances.shrunk:
+            return None
+        why = f"part {i + 1} of {self.layout} has shrunk to nothing"
+        if lengths[i] < 0.0 and i == last > 0 and parts[i - 1].kind == "stick" and not self.placed:
+            length = max(-lengths[i], LEAST * (ends[-1] - ends[0]))
+            return self.revised(why, [*parts[:-1], parts[-1].turned], [*ends[:-2], ends[-1] - length, ends[-1]])
+        return self.revised(why, [*parts[:i], *parts[i + 1 :]], np.delete(ends, i + 1 if i < last else i))
+
+    def held(self, i: int) -> Revision | None:
+        """Sliding at the ends of a stick part where friction exceeds its bound; or in its place."""
+        parts, ends, at = self.parts, self.ends, self.sample(i)
+        bound = self.pulley.friction * at.p
+        excess = np.abs(at.f) - bound
+        broken, holds = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
+        before, length = sliding(-at.f[0], self.index), ends[i + 1] - ends[i]
+        if broken.all() and not holds.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
+            why = "stick breaks Coulomb's bound all along"
+            return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)
+        if broken[0] and i == 0:
+            why = "Coulomb's bound breaks where stick begins"
+            place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + FURTHEST * length
+            place = min(place, ends[0] + self.tolerances.furthest * length)
+            return self.revised(why, [before, *parts], [ends[0], place, *ends[1:]])
+        if broken[-1]:
+            place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - FURTHEST * length
+            return self.ended(i, max(place, ends[i + 1] - self.tolerances.furthest * length))
+        return None
+
+    def ended(self, i: int, place: float) -> Revision | None:
+        """A stick part that ends at a place before its end; None where it ends at Coulomb's bound already."""
+        parts, ends, why = self.parts, self.ends, "Coulomb's bound breaks where stick ends"
+        behind = sliding(self.sample(i).f[-1], self.index)
+        if self.pulley.drive.kind != "x_trans":
+            back = min(ends[i + 1] - place, place - ends[i]) / 2.0
+            turned = [*ends[: i + 1], place - back, place + back, ends[-1]]
+            return self.revised(why, [*parts[: i + 1], behind.turned, behind], turned)
+        if self.transition is None:
+            return self.revised(why, [*parts, behind], [*ends[:-1], place, ends[-1]])
+        return None if self.pulley.x_trans == RUN_OFF else Revision(why)
+
+    def turned(self, i: int) -> Revision | None:
+        """Two slip parts in place of one in which the belt slides both ways; or one of the other sense."""
+        parts, ends, at = self.parts, self.ends, self.sample(i)
+        if self.transition is not None:
+            speed = self.samples.pulleys[self.index].speed
+        elif self.pulley.omega is not None:
+            speed = self.pulley.radius * self.pulley.omega
+        else:
+            return None
+        ahead = parts[i].sense * (at.D - speed)
+        wrong = ahead < -max(self.tolerances.sense * np.abs(ahead).max(), ROUNDING)
+        if not wrong.any():
+            return None
+        why = f"the belt slides the other way in a part of {parts[i]}"
+        if wrong[-1]:
+            crossing, pair = int(np.flatnonzero(~wrong).max(initial=0)), (parts[i], parts[i].turned)
+        else:
+            crossing, pair = int(np.flatnonzero(wrong).max()), (parts[i].turned, parts[i])
+        right = at.sigma[crossing] - at.sigma[0]
+        if wrong[-1] and right <= BEGINNING * (at.sigma[-1] - at.sigma[0]) and self.pulley.drive.kind != "x_trans":
+            return self.revised(why, [*parts[:i], parts[i].turned, *parts[i + 1 :]], ends)
+        if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < WORTH:
+            return None
+        place = _crossing(at.sigma, ahead, crossing)
+        return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
+
+
+def _crossing(sigma: Array, values: Array, i: int) -> float:
+    """Where values change their sign between the points ``i`` and ``i + 1``."""
+    part = np.clip(values[i] / (values[i] - values[i + 1]), 0.05, 0.95)
+    return float(sigma[i] + part * (sigma[i + 1] - sigma[i]))

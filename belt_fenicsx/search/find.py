@@ -1,0 +1,180 @@
+"""The search for an answer: Newton's iteration, a judgement, a revision of the rows, until nothing changes.
+
+1. Settle the rows: revise the layout until no bound breaks. A scene that wants stick to end where it cannot is
+   refused, by comparison with the belt that sticks, or slides, all along, whose own rows are settled in the same way.
+2. Refine the state; where nothing finer is wanted, it is the answer. Then go on with 1.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Literal
+
+from belt_fenicsx.layout.kind import Part
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered, posed
+from belt_fenicsx.layout.revision import Samples, revise
+from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.limits import driven_by, meets
+from belt_fenicsx.search.protocol import Method, S
+from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
+
+MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
+SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
+NEAR = 1e-3  # A state shows a transition to be impossible in this part of the interval next to its ends, and beyond.
+
+
+def find(method: Method[S], state: S) -> S:
+    """The answer from a coarse state. Where revised rows lead nowhere, a finer state is judged anew."""
+    while (finer := method.refine(state)) is not None:
+        settled = attempt(functools.partial(settle, method, finer))
+        state = finer if settled is None or not method.is_plausible(settled) else settled
+    return state
+
+
+def attempt(way: Callable[[], S]) -> S | None:
+    """What a way leads to; None where Newton's iteration does not converge on it."""
+    try:
+        return way()
+    except Stopped as stopped:
+        if stopped.final or stopped.status is not Status.NEWTON_DIVERGED:
+            raise
+        return None
+
+
+def settle_from(method: Method[S], start: S, stage: str, why: str) -> S | None:
+    """A state with a mechanical sense on settled rows, from a first guess; None where that does not lead to one."""
+    state = attempt(lambda: method.converge(start, stage, why))
+    if state is None or not method.is_plausible(state):
+        return None
+    settled = attempt(functools.partial(settle, method, state))
+    return settled if settled is not None and method.is_plausible(settled) else None
+
+
+def answers(method: Method[S], state: S) -> bool:
+    """Whether a state has a mechanical sense, meets the drive and breaks no bound that it is trusted to judge."""
+    if not method.is_plausible(state) or not meets(method, state):
+        return False
+    tolerances = method.tolerances(state)
+    return tolerances is None or not revise(method.scene, state.layout, method.samples(state), tolerances)
+
+
+def settle(method: Method[S], state: S) -> S:
+    """Revises the layout of a state until no bound breaks; ends where a layout comes back.
+
+    Raises:
+        SceneError: The scene wants stick to end where it cannot.
+        Stopped: A layout leads nowhere, or the contact is lost.
+    """
+    tolerances, tried = method.tolerances(state), [state.layout]
+    if tolerances is None:
+        return state
+    while revision := revise(method.scene, state.layout, method.samples(state), tolerances):
+        if revision.layout is None or revision.ends is None:
+            check_transition(method, outside=True)
+            return state
+        if not revision.layout.contact:
+            raise Stopped(Status.CONTACT_LOST, "The contact shrinks to a point.")
+        if revision.layout in tried or len(tried) == MOST_LAYOUTS:
+            return state
+        tried.append(revision.layout)
+        why = f"{revision.why}; now {revision.layout}"
+        state = method.converge(method.transfer(state, revision.layout, revision.ends), "zone order", why)
+    method.stages.skipped("zone order", "no bound is broken")
+    return state
+
+
+def limit(
+    method: Method[S], x_trans: Literal["run-up", "run-off"], slip: Slip, near: S | None = None, *, sharp: bool = False
+) -> S:
+    """The belt that sticks, or slides, all along the contact.
+
+    Args:
+        method: The solve that it is compared with.
+        x_trans: ``"run-off"`` or ``"run-up"``.
+        slip: Sense of the sliding.
+        near: Pure stick, from which pure slip may start.
+        sharp: Whether it has to be known well.
+
+    Raises:
+        Stopped: There is none.
+    """
+    pure = method.at(driven_by(method.scene, x_trans, slip))
+    state = pure.start(near)
+    if sharp and method.is_plausible(state):
+        state = settle(pure, pure.sharpen(state, "limits"))
+    method.stages.ran("limits", f"{state.layout}, to compare with", pure.stages.iterations)
+    return state
+
+
+def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
+    """Checks that the transition lies where stick can end: between where it does in pure slip and in pure stick.
+
+    Args:
+        method: The solve, of a scene that is driven by ``x_trans``.
+        outside: Whether its own state shows that it does not.
+
+    Returns:
+        Pure stick; None where there is none.
+
+    Raises:
+        SceneError: It does not.
+        Stopped: There is no contact.
+    """
+    pulley = method.scene.pulleys[0]
+    x_trans, slides = pulley.x_trans, pulley.slip
+    if slides is None or not isinstance(x_trans, float):
+        return None
+    stick = limit(method, RUN_OFF, slides, sharp=True)
+    if not method.is_plausible(stick):
+        return None
+    try:
+        slip = attempt(lambda: limit(method, RUN_UP, slides, stick, sharp=True))
+    except Stopped as stopped:
+        if stopped.status is Status.NEWTON_DIVERGED:
+            raise
+        # The belt that slides all along may be slack.
+        slip = None
+    if slip is None or not method.is_plausible(slip):
+        return stick
+    places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
+    doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
+    if not places[0] - doubt < x_trans < places[1] + doubt:
+        first, last = (place * method.units.length for place in places)
+        between = f"lie where stick can end in the contact zone, in ({first:.9g}, {last:.9g}) [m]"
+        raise SceneError("pulleys.0.x_trans", between, x_trans * method.units.length)
+    return stick
+
+
+def earliest(slip: Samples) -> float:
+    """Where the transition goes when sliding spreads over the contact, from samples of pure slip."""
+    (part,) = (part for part in slip.parts if part is not None)
+    nearest = slip.pulleys[0].place
+    # Next to the run-off, sliding turns: the transition does not get there.
+    return nearest if nearest < (part.x[0] + part.x[-1]) / 2 else float(part.x[0])
+
+
+def layout_of(scene: Scene, initial: Solution) -> Layout | None:
+    """The layout of a given solution, to start from; None where the scene asks for another one.
+
+    A scene that says where stick ends asks for what is behind it. A speed or a torque leaves the layout open; whether
+    it is met is seen afterwards.
+    """
+    contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
+    if initial.fields is None or not contact:
+        return None
+    layout, wanted, pulley = ordered(scene, contact), posed(scene), scene.pulleys[0]
+    if pulley.drive.kind != "x_trans":
+        return layout
+    if not wanted.slides_behind(0):
+        sticks = any(part.kind == "stick" for part in contact)
+        longest = initial.scene.pulleys[0].x_trans == RUN_OFF or not layout.slides_behind(0)
+        return layout if layout == wanted or (pulley.x_trans == RUN_OFF and sticks and longest) else None
+    if not layout.slides_behind(0):
+        return None
+    return layout if layout.parts[layout.transition(0) + 1] == wanted.contact[-1] else None
