@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -102,15 +103,19 @@ def columns(problem: Problem, discrete: Discrete, inside: Array) -> Array:
 
 def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
     """What a solution says about its layout, from the nodes of its mesh or, if more than one, so many pieces of it."""
-    table = columns(problem, discrete, places(discrete.widths, discrete.finer(pieces)))
-    parts = [
-        None if zone.kind == "free" else Sample(sigma=sigma, x=x, p=p, f=f, D=D)
-        for zone, sigma, x, D, p, f in zip(problem.zones, *table[[0, 1, 6, 7, 8]], strict=True)
-    ]
+    xi, ends, parts = discrete.finer(pieces), problem.borders(discrete.p), []
+    values = discrete.y if pieces == 1 else discrete.between(xi)
+    inside = zip(pairwise(ends), places(discrete.widths, xi), strict=True)
+    for (zone, y, c), ((start, end), part) in zip(problem.parts(values, discrete.p), inside, strict=True):
+        if zone.kind == "free":
+            parts.append(None)
+            continue
+        (x, _, _, _, _, D), (p, f) = zone.state(problem.rod, y, c), zone.tractions(problem.rod, y, c)
+        parts.append(Sample(sigma=start + (end - start) * part, x=x, p=p, f=f, D=D))
     pressure = sum(float(trapezoid(part.p, part.sigma)) for part in parts if part is not None)
     stretch, place = grip(problem, discrete)
     return Samples(
-        ends=problem.borders(discrete.p),
+        ends=ends,
         parts=tuple(parts),
         pulleys=(Resultants(stretch, place, pressure, -torque(problem, discrete) / problem.rod.radius),),
         finer=functools.partial(samples, problem, discrete, FINER) if pieces == 1 else None,

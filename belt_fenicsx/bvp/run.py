@@ -17,7 +17,7 @@ import numpy as np
 
 from belt_fenicsx.bvp.guess import divided, guess
 from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, Discrete, Refined, Work, refined, rounding
-from belt_fenicsx.bvp.reading import FIELDS, changes, plausible, samples
+from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
@@ -113,7 +113,7 @@ class Run:
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
-        return samples(state.problem, state.discrete)
+        return state.samples
 
     def tolerances(self, state: State) -> Tolerances | None:
         """How far a state is trusted; None where the layout is not to change."""

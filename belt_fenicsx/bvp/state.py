@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from belt_fenicsx.bvp.equations import Free, Rod, Slip, Stick
 from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, moment, onset
+from belt_fenicsx.bvp.reading import samples
 from belt_fenicsx.layout.layout import BEFORE, Layout
 from belt_fenicsx.layout.posed import posed
+from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.scene import Scene
 
 D = 5  # Index of the stretch among the components of a state.
@@ -22,6 +25,11 @@ class State:
     layout: Layout
     problem: Problem
     discrete: Discrete
+
+    @functools.cached_property
+    def samples(self) -> Samples:
+        """What it says about its layout."""
+        return samples(self.problem, self.discrete)
 
 
 def pose(scene: Scene, layout: Layout | None = None) -> Problem:

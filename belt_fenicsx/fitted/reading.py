@@ -30,12 +30,9 @@ def samples(scene: Scene, state: State) -> Samples:
 def sample(state: State, index: int) -> Sample:
     """Fields densely along a part."""
     cells, dense = state.mesh.cells(index), state.dense
-
-    def along(field: Array) -> Array:
-        # Where cells meet, a point counts once.
-        return np.append(field[cells, :-1].ravel(), field[cells][-1, -1])
-
-    return Sample(*(along(field) for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D)))
+    # Where cells meet, a point counts once.
+    once = np.append(np.arange((cells.stop - cells.start) * POINTS).reshape(-1, POINTS)[:, :-1], -1)
+    return Sample(*(field[cells].ravel()[once] for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D)))
 
 
 def grip(scene: Scene, state: State) -> tuple[float, float]:
@@ -60,9 +57,9 @@ def pulley_speed(scene: Scene, state: State) -> float:
     Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
     """
     pulley = scene.pulleys[0]
-    if pulley.omega is not None and (pulley.friction == 0.0 or not state.layout.transition(0)):
-        return pulley.omega * pulley.radius
-    return grip(scene, state)[0]
+    if pulley.friction > 0.0 and state.layout.transition(0):
+        return state.D_stick
+    return grip(scene, state)[0] if pulley.omega is None else pulley.omega * pulley.radius
 
 
 def holds(scene: Scene, state: State) -> bool:

@@ -7,6 +7,7 @@ Pure Python.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -63,7 +64,7 @@ class Layout:
     speeds: tuple[Speed, ...]
 
     def __post_init__(self) -> None:
-        unknowns, of_the_length = len(self.parts) + len({part.pulley for part in self.contact}), 1
+        unknowns, of_the_length = len(self.parts) + len(self._on), 1
         assert len(self.joints) + len(self.speeds) + of_the_length == unknowns, "as many equations as unknowns"
 
     def __str__(self) -> str:
@@ -76,8 +77,15 @@ class Layout:
 
     def on(self, pulley: int) -> range:
         """Indices of the parts on a pulley."""
-        touching = [i for i, part in enumerate(self.parts) if part.touches and part.pulley == pulley]
-        return range(touching[0], touching[-1] + 1)
+        return self._on[pulley]
+
+    @functools.cached_property
+    def _on(self) -> dict[int, range]:
+        touching: dict[int, list[int]] = {}
+        for i, part in enumerate(self.parts):
+            if part.touches:
+                touching.setdefault(part.pulley, []).append(i)
+        return {pulley: range(indices[0], indices[-1] + 1) for pulley, indices in touching.items()}
 
     def transition(self, pulley: int) -> int:
         """The joint at which the belt leaves the pulley's speed for good: the end of its first stick part.

@@ -13,8 +13,9 @@ slides the other way. `revise` says what the first of these calls for, in the or
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,20 +129,11 @@ def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerance
         tolerances: How far it is trusted.
     """
     for index, pulley in enumerate(scene.pulleys):
-        if (shrunk := _Contact(scene, layout, samples, tolerances, index).shrunk()) is not None:
+        contact = _Contact(scene, layout, samples, tolerances, index)
+        if (shrunk := contact.shrunk()) is not None:
             return shrunk
-        if pulley.friction == 0.0 or (found := _broken(scene, layout, samples, tolerances, index)) is None:
-            continue
-        return _broken(scene, layout, samples.densest, tolerances, index) or found
-    return None
-
-
-def _broken(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerances, index: int) -> Revision | None:
-    """What the first bound that friction or sliding breaks on a pulley calls for."""
-    contact = _Contact(scene, layout, samples, tolerances, index)
-    for i, (part, (start, end)) in enumerate(zip(contact.parts, pairwise(contact.ends), strict=True)):
-        if start < end and (found := contact.held(i) if part.kind == "stick" else contact.turned(i)) is not None:
-            return found
+        if pulley.friction > 0.0 and (found := contact.broken()) is not None:
+            return replace(contact, samples=samples.densest).broken() or found
     return None
 
 
@@ -159,11 +151,11 @@ class _Contact:
     def on(self) -> range:
         return self.layout.on(self.index)
 
-    @property
+    @functools.cached_property
     def parts(self) -> list[Part]:
         return [self.layout.parts[i] for i in self.on]
 
-    @property
+    @functools.cached_property
     def ends(self) -> list[float]:
         return self.samples.ends[self.on[0] : self.on[-1] + 2].tolist()
 
@@ -171,7 +163,7 @@ class _Contact:
     def pulley(self) -> Pulley:
         return self.scene.pulleys[self.index]
 
-    @property
+    @functools.cached_property
     def transition(self) -> int | None:
         """The part at whose end the belt leaves the pulley's speed for good; None where no sliding follows."""
         slides = self.layout.slides_behind(self.index)
@@ -216,6 +208,13 @@ class _Contact:
             length = max(-lengths[i], LEAST * (ends[-1] - ends[0]))
             return self.revised(why, [*parts[:-1], parts[-1].turned], [*ends[:-2], ends[-1] - length, ends[-1]])
         return self.revised(why, [*parts[:i], *parts[i + 1 :]], np.delete(ends, i + 1 if i < last else i))
+
+    def broken(self) -> Revision | None:
+        """What the first bound that friction or sliding breaks calls for."""
+        for i, (part, (start, end)) in enumerate(zip(self.parts, pairwise(self.ends), strict=True)):
+            if start < end and (found := self.held(i) if part.kind == "stick" else self.turned(i)) is not None:
+                return found
+        return None
 
     def held(self, i: int) -> Revision | None:
         """Sliding at the ends of a stick part where friction exceeds its bound; or in its place."""

@@ -35,7 +35,7 @@ from belt_fenicsx.taut_string.string import MOST_GROWTH
 LEAST = 1e-7  # At least this part of a stick part sticks, or slides, in a first guess.
 NEARLY = 0.95  # This part of the contact slides before sliding turns, in the first guess.
 SHORT = 0.05  # Where less of the contact is to slide, only a well known pure stick can place it.
-NOTHING = 1e-12  # Places of the transition that differ by less, in belt lengths, are the same.
+NOTHING = 1e-12  # Places that differ by less, in belt lengths, are the same.
 MOST_PLACES = 12  # That many places of the transition are tried one after another.
 
 
@@ -138,7 +138,7 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
     Args:
         scene: The dimensionless scene.
         samples: Samples of pure stick.
-        parts: Those of its parts from stick on.
+        parts: Those of its parts, from the one that sticks on.
 
     Returns:
         Places of the transition, what is gained for each of them, and where sliding turns, all ``(m,)``.
@@ -161,7 +161,7 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
 
 
 def _keeping_friction(scene: Scene, part: Sample) -> Array:
-    """About the friction that would keep the stretch in a part."""
+    """About the friction that would keep the stretch in a part: b1 D' is what it differs by."""
     return part.f + scene.belt.extensional_stiffness * np.gradient(part.D, part.sigma)
 
 

@@ -33,7 +33,8 @@ def find(method: Method[S], state: S) -> S:
     """The answer from a coarse state. Where revised rows lead nowhere, a finer state is judged anew."""
     while (finer := method.refine(state)) is not None:
         settled = attempt(functools.partial(settle, method, finer))
-        state = finer if settled is None or not method.is_plausible(settled) else settled
+        lost = settled is None or (settled is not finer and not method.is_plausible(settled))
+        state = finer if lost else settled
     return state
 
 
@@ -53,7 +54,7 @@ def settle_from(method: Method[S], start: S, stage: str, why: str) -> S | None:
     if state is None or not method.is_plausible(state):
         return None
     settled = attempt(functools.partial(settle, method, state))
-    return settled if settled is not None and method.is_plausible(settled) else None
+    return settled if settled is state or (settled is not None and method.is_plausible(settled)) else None
 
 
 def answers(method: Method[S], state: S) -> bool:

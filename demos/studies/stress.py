@@ -38,7 +38,7 @@ AGREED, SAME_REFUSAL = "agreed", "refused by both for the same reason"
 SLOWEST = 3  # scenes that are named
 # Kind, number and seed of the scenes in the README.
 RUNS = (("chapter", 500, 18), ("thin", 300, 1), ("thin", 300, 2), ("wide", 400, 1), ("wide", 400, 2))
-RESCUE = "boundary-value problem"  # stage of a solve that starts from its zones
+RESCUE = "method bvp"  # stage of a solve that starts from its zones
 
 
 # %% [markdown]
