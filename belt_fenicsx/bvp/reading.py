@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.interpolate import PPoly
 
-from belt_fenicsx.bvp.equations import Slip
+from belt_fenicsx.bvp.equations import Slip, Stick
 from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, moment, placed_at, places
 from belt_fenicsx.layout.arrays import Array
@@ -111,7 +111,8 @@ def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
             parts.append(None)
             continue
         (x, _, _, _, _, D), (p, f) = zone.state(problem.rod, y, c), zone.tractions(problem.rod, y, c)
-        parts.append(Sample(sigma=start + (end - start) * part, x=x, p=p, f=f, D=D))
+        keeping = f if zone.kind == "stick" else Stick().tractions(problem.rod, y[:3], D[None])[1]
+        parts.append(Sample(sigma=start + (end - start) * part, x=x, p=p, f=f, D=D, keeping=keeping))
     pressure = sum(float(trapezoid(part.p, part.sigma)) for part in parts if part is not None)
     stretch, place = grip(problem, discrete)
     return Samples(

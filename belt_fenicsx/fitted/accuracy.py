@@ -40,7 +40,7 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
-STRETCH = 2e-11  # The rounding error of a stretch at any point.
+STRETCH = 5e-12  # The rounding error of a stretch at any point.
 TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
 # The estimated error of the torque that goes with an rtol, over the rtol; the true one is a tenth of it, or less.
 OF_TORQUE = 100.0

@@ -8,7 +8,9 @@ slides the other way. `revise` says what the first of these calls for, in the or
    Usually friction in stick is negative there, and positive at the run-off, so that the belt slides forward at both.
 3. Stick that breaks the bound at its end ends earlier, if the drive lets it: in pure stick, where friction reaches its
    bound; by a given speed or torque, with sliding that turns, since these change without a break where it begins to.
-4. A slip part in which the belt slides both ways is two.
+4. A slip part in which the belt slides both ways is two. Where sliding turns behind it though friction could keep the
+   stretch, the belt sticks in between: before, it slides against its sense for a while, which is as short as the stick
+   part, and as slow, so that the speed of sliding does not show it.
 """
 
 from __future__ import annotations
@@ -36,13 +38,15 @@ BEGINNING = 1e-2  # Sliding that is right in no more than this part of its lengt
 
 @dataclass(frozen=True)
 class Sample:
-    """Fields densely along a part in contact: sigma, x, pressure p, friction f and stretch D, all ``(m,)``."""
+    """Fields densely along a part in contact, all ``(m,)``: sigma, x, pressure p, friction f, stretch D, and the
+    friction ``keeping`` that would keep the stretch, D' = 0."""
 
     sigma: Array
     x: Array
     p: Array
     f: Array
     D: Array
+    keeping: Array
 
 
 @dataclass(frozen=True)
@@ -212,8 +216,10 @@ class _Contact:
     def broken(self) -> Revision | None:
         """What the first bound that friction or sliding breaks calls for."""
         for i, (part, (start, end)) in enumerate(zip(self.parts, pairwise(self.ends), strict=True)):
-            if start < end and (found := self.held(i) if part.kind == "stick" else self.turned(i)) is not None:
-                return found
+            looks = (self.held,) if part.kind == "stick" else (self.turned, self.stuck)
+            for look in looks if start < end else ():
+                if (found := look(i)) is not None:
+                    return found
         return None
 
     def held(self, i: int) -> Revision | None:
@@ -273,6 +279,22 @@ class _Contact:
             return None
         place = _crossing(at.sigma, ahead, crossing)
         return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
+
+    def stuck(self, i: int) -> Revision | None:
+        """A stick part before the place where sliding turns, if friction could keep the stretch there."""
+        parts, ends, at = self.parts, self.ends, self.sample(i)
+        if i != self.transition or parts[i + 1].kind == "stick":
+            return None
+        bound = self.pulley.friction * at.p
+        excess, last = np.abs(at.keeping) - bound, at.sigma.size - 1
+        if excess[last] >= -self.tolerances.bound * bound.max():
+            return None
+        held = min(int(np.flatnonzero(excess > 0.0).max(initial=0)), last - 1)
+        place = float(np.interp(0.0, -excess[held : held + 2], at.sigma[held : held + 2]))
+        place = max(place, ends[i + 1] - self.tolerances.furthest * (ends[i + 1] - ends[i]))
+        why = "sliding turns where friction could keep the stretch"
+        stick = Part("stick", pulley=self.index)
+        return self.revised(why, [*parts[: i + 1], stick, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
 
 
 def _crossing(sigma: Array, values: Array, i: int) -> float:

@@ -144,8 +144,8 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
         Places of the transition, what is gained for each of them, and where sliding turns, all ``(m,)``.
     """
     pulley = scene.pulleys[0]
-    sigma, p, f = (np.concatenate([getattr(part, name) for part in parts]) for name in ("sigma", "p", "f"))
-    keeping = np.concatenate([_keeping_friction(scene, part) for part in parts])
+    names = ("sigma", "p", "f", "keeping")
+    sigma, p, f, keeping = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
     sense = sliding(-ahead(scene, samples)).sense
     slip, strain = sense * pulley.friction * p, max(samples.pulleys[0].speed - 1.0, LEAST_STRAIN)
     # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
@@ -158,11 +158,6 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
     behind = (np.interp(back, sigma, tension) - tension) / growth
     mean = (np.interp(back, sigma, whole) - whole - tension * (back - sigma)) / growth + (0.5 - back) * behind
     return sigma, -(mean if pulley.drive.kind == "omega" else behind) / (1.0 + mean / strain), back
-
-
-def _keeping_friction(scene: Scene, part: Sample) -> Array:
-    """About the friction that would keep the stretch in a part: b1 D' is what it differs by."""
-    return part.f + scene.belt.extensional_stiffness * np.gradient(part.D, part.sigma)
 
 
 def _integral(values: Array, sigma: Array) -> Array:

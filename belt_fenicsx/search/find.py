@@ -11,6 +11,8 @@ import functools
 from collections.abc import Callable
 from typing import Literal
 
+import numpy as np
+
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
@@ -26,6 +28,7 @@ from belt_fenicsx.solution.status import Status
 
 MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
 SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
+STRETCH = 1e-8  # A state that is compared with a limit knows a stretch to about this.
 NEAR = 1e-3  # A state shows a transition to be impossible in this part of the interval next to its ends, and beyond.
 
 
@@ -129,7 +132,7 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
     """
     pulley = method.scene.pulleys[0]
     x_trans, slides = pulley.x_trans, pulley.slip
-    if slides is None or not isinstance(x_trans, float):
+    if slides is None or not isinstance(x_trans, float) or pulley.friction == 0.0:
         return None
     stick = limit(method, RUN_OFF, slides, sharp=True)
     if not method.is_plausible(stick):
@@ -141,15 +144,26 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
             raise
         # The belt that slides all along may be slack.
         slip = None
-    if slip is None or not method.is_plausible(slip):
+    if slip is None or not (_is_limit(method, stick, RUN_OFF, slides) and _is_limit(method, slip, RUN_UP, slides)):
         return stick
     places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
     doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
-    if not places[0] - doubt < x_trans < places[1] + doubt:
+    if not places[0] - doubt < x_trans < places[1] + doubt and not _is_nearest_to_stick(method.samples(slip), x_trans):
         first, last = (place * method.units.length for place in places)
         between = f"lie where stick can end in the contact zone, in ({first:.9g}, {last:.9g}) [m]"
         raise SceneError("pulleys.0.x_trans", between, x_trans * method.units.length)
     return stick
+
+
+def _is_nearest_to_stick(slip: Samples, x: float) -> bool:
+    """Whether the belt that slides all along has, at a place, but for rounding the stretch nearest to that in stick."""
+    (part,) = (part for part in slip.parts if part is not None)
+    return bool(part.x[0] < x < part.x[-1] and np.interp(x, part.x, abs(part.D - slip.pulleys[0].speed)) < STRETCH)
+
+
+def _is_limit(method: Method[S], state: S, x_trans: Literal["run-up", "run-off"], slip: Slip) -> bool:
+    """Whether a state is an answer for the belt that sticks, or slides, all along, so that a place is refused by it."""
+    return answers(method.at(driven_by(method.scene, x_trans, slip)), state)
 
 
 def earliest(slip: Samples) -> float:

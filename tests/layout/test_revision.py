@@ -37,7 +37,7 @@ def revised(contact, fields, drive=None, ends=None, **tolerances):
         values, one = np.broadcast_to(field(PLACE), PLACE.shape), np.ones(PLACE.size)
         f, D = (values, one) if part == STICK else (-0.5 * part.sense * one, 1.0 + values)
         sigma = start + (end - start) * PLACE
-        parts.append(Sample(sigma=sigma, x=sigma, p=one, f=f, D=D))
+        parts.append(Sample(sigma=sigma, x=sigma, p=one, f=f, D=D, keeping=f))
     samples = Samples(ends, (*parts, None), (Resultants(1.0, float(ends[2]), 0.4, 0.0),))
     revision = revise(asked, layout, samples, replace(TOLERANCES, **tolerances))
     if revision is None:
@@ -67,6 +67,26 @@ def test_sliding_before_stick(sign):
     contact, ends = revised([STICK], [lambda x: sign * (x - 0.6)], OFF)
     assert contact == [BACKWARD if sign < 0.0 else FORWARD, STICK]
     assert ends == pytest.approx([-0.2, -0.2 + 0.4 * 0.1, 0.2], abs=0.004)
+
+
+@pytest.mark.parametrize("keeping", [0.6, 0.2, -0.2])
+def test_sliding_turns_by_way_of_stick_where_friction_could_keep_the_stretch(keeping):
+    asked = scene(omega=1.0)
+    layout = ordered(asked, [FORWARD, BACKWARD, FORWARD])
+    ends = np.array([-0.5, -0.2, -0.1, 0.0, 0.2, 0.5])
+    parts = []
+    for part, start, end in zip(layout.contact, ends[1:-2], ends[2:-1], strict=True):
+        sigma = start + (end - start) * PLACE
+        f, one = np.full(PLACE.size, -0.5 * part.sense), np.ones(PLACE.size)
+        D = 1.0 + 0.01 * part.sense * (1.0 - PLACE if part == FORWARD else PLACE)
+        parts.append(Sample(sigma, sigma, one, f, D, -1.0 + (keeping + 1.0) * PLACE))
+    samples = Samples(ends, (None, *parts, None), (Resultants(1.0, -0.1, 0.4, 0.0),))
+    revision = revise(asked, layout, samples, TOLERANCES)
+    if keeping == 0.6:
+        assert revision is None
+    else:
+        assert revision.layout.contact == (FORWARD, STICK, BACKWARD, FORWARD)
+        assert revision.ends[2] == pytest.approx(-0.2 + 0.1 * 0.5 / (keeping + 1.0), abs=0.002)
 
 
 def test_the_longest_stick_ends_where_friction_reaches_its_bound():
@@ -127,7 +147,9 @@ def test_new_joints_are_read_from_the_densest_samples():
 
     def samples(count, finer=None):
         x = np.linspace(0.0, 1.0, count)
-        return Samples(ends, (None, Sample(x, x, x * 0.0 + 1.0, x - 0.6, x * 0.0 + 1.0), None), on_pulley, finer)
+        return Samples(
+            ends, (None, Sample(x, x, x * 0.0 + 1.0, x - 0.6, x * 0.0 + 1.0, x - 0.6), None), on_pulley, finer
+        )
 
     revision = revise(asked, layout, samples(3, lambda: samples(1001)), TOLERANCES)
     assert revision.ends[2] == pytest.approx(0.1, abs=1e-3)
