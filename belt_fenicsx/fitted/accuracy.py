@@ -40,7 +40,10 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
-STRETCH = 2e-11  # The rounding error of a stretch at any point.
+STRETCH = 5e-12  # The rounding error of a stretch at any point.
+# It grows with the inverse of the length of cells that are shorter than this, in belt lengths: 1.4e-11 was measured in
+# cells of 1.4e-6.
+TINY_CELL = 6e-6
 TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
 STRETCHES = ("D", "eps", "v_rel")
 
@@ -172,7 +175,8 @@ def errors_of_fields(
     changes, sizes = _largest(scene, new - old), _largest(scene, new)
     sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
     slender = scene.pulleys[0].radius / shear_layer(scene, state.D_stick - 1.0)
-    least = dict.fromkeys(STRETCHES, STRETCH) | {name: TRACTION * slender * sizes[name] for name in "pf"}
+    stretch = STRETCH * max(1.0, TINY_CELL / float(state.length.min()))
+    least = dict.fromkeys(STRETCHES, stretch) | {name: TRACTION * slender * sizes[name] for name in "pf"}
     errors = {}
     for name, change_of_field in changes.items():
         error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, least.get(name, 0.0))
