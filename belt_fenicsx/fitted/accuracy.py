@@ -41,9 +41,9 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
 STRETCH = 5e-12  # The rounding error of a stretch at any point.
-# It grows with the inverse of the length of cells that are shorter than this, in belt lengths: 1.4e-11 was measured in
-# cells of 1.4e-6.
-TINY_CELL = 6e-6
+# It grows with the inverse of the length of cells that are shorter than this, in shear layers: 1.4e-11 was measured in
+# cells of 6e-5.
+TINY_CELL = 2.4e-4
 TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
 STRETCHES = ("D", "eps", "v_rel")
 
@@ -174,8 +174,9 @@ def errors_of_fields(
     old, new = _table(scene, before), _table(scene, state)
     changes, sizes = _largest(scene, new - old), _largest(scene, new)
     sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
-    slender = scene.pulleys[0].radius / shear_layer(scene, state.D_stick - 1.0)
-    stretch = STRETCH * max(1.0, TINY_CELL / float(state.length.min()))
+    layer = shear_layer(scene, state.D_stick - 1.0)
+    slender = scene.pulleys[0].radius / layer
+    stretch = STRETCH * max(1.0, TINY_CELL * layer / float(state.length.min()))
     least = dict.fromkeys(STRETCHES, stretch) | {name: TRACTION * slender * sizes[name] for name in "pf"}
     errors = {}
     for name, change_of_field in changes.items():
