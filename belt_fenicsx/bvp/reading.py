@@ -111,7 +111,7 @@ def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
             parts.append(None)
             continue
         (x, _, _, _, _, D), (p, f) = zone.state(problem.rod, y, c), zone.tractions(problem.rod, y, c)
-        keeping = f if zone.kind == "stick" else Stick().tractions(problem.rod, y[:3], D[None])[1]
+        keeping = functools.partial(_keeping_friction, problem, y, D)
         parts.append(Sample(sigma=start + (end - start) * part, x=x, p=p, f=f, D=D, keeping=keeping))
     pressure = sum(float(trapezoid(part.p, part.sigma)) for part in parts if part is not None)
     stretch, place = grip(problem, discrete)
@@ -121,6 +121,11 @@ def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
         pulleys=(Resultants(stretch, place, pressure, -torque(problem, discrete) / problem.rod.radius),),
         finer=functools.partial(samples, problem, discrete, FINER) if pieces == 1 else None,
     )
+
+
+def _keeping_friction(problem: Problem, y: Array, D: Array) -> Array:
+    """Friction that would keep the stretch."""
+    return Stick().tractions(problem.rod, y[:3], D[None])[1]
 
 
 def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -> Array:

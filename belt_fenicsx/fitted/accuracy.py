@@ -100,7 +100,7 @@ def of_fields(rtol: float) -> float:
 def estimate(
     scene: Scene, before: State, start: State, state: State, change_before: float, rtol: float, *, last: bool
 ) -> Accuracy:
-    """The accuracy of a state.
+    """The accuracy of a state that may be accurate enough.
 
     Args:
         scene: The dimensionless scene.
@@ -117,6 +117,11 @@ def estimate(
     known = error <= max(rtol, rounding(scene, state)) and of_torque <= OF_TORQUE * rtol and change <= COARSEST
     errors = errors_of_fields(scene, before, state, change, change_before) if known or last else {}
     return Accuracy(state, error, of_torque, errors, change, known and max(errors.values()) <= of_fields(rtol))
+
+
+def coarse(start: State, state: State) -> Accuracy:
+    """That of a state of a degree that is too low, of whose error nothing has to be known but the pressure's change."""
+    return Accuracy(state, math.inf, math.inf, {}, change_of_pressure(start, state), False)
 
 
 def change_of_pressure(start: State, end: State) -> float:

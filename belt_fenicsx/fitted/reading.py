@@ -32,11 +32,12 @@ def sample(state: State, index: int) -> Sample:
     cells, dense = state.mesh.cells(index), state.dense
     # Where cells meet, a point counts once.
     once = np.append(np.arange((cells.stop - cells.start) * POINTS).reshape(-1, POINTS)[:, :-1], -1)
-    keeping = dense.f[cells]
-    if state.layout.parts[index].kind == "slip":
-        keeping = state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])[1]
-    fields = (field[cells] for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D))
-    return Sample(*(field.ravel()[once] for field in (*fields, keeping)))
+
+    def keeping() -> Array:
+        return state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])[1].ravel()[once]
+
+    fields = (field[cells].ravel()[once] for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D))
+    return Sample(*fields, keeping)
 
 
 def grip(scene: Scene, state: State) -> tuple[float, float]:

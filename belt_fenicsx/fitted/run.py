@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, estimate
+from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, coarse, estimate
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
@@ -177,7 +177,10 @@ class Run:
         if lifts(finer):
             raise Stopped(Status.NOT_ADMISSIBLE, lifted(self, finer))
         at_last, change_before = finer.degree >= highest, 0.0 if same is None else same.accuracy.change_of_p
-        accuracy = estimate(self.scene, state, start, finer, change_before, self.rtol, last=at_last)
+        if finer.degree < last:
+            accuracy = coarse(start, finer)
+        else:
+            accuracy = estimate(self.scene, state, start, finer, change_before, self.rtol, last=at_last)
         self.known = self._judged(accuracy, last, before)
         return finer
 
@@ -187,13 +190,13 @@ class Run:
         Its rows are judged at first, once it is no longer coarse, and at last; not where friction plainly holds in a
         state of a low degree.
         """
-        state, coarse = accuracy.state, accuracy.change_of_p > COARSEST
+        state, unsettled = accuracy.state, accuracy.change_of_p > COARSEST
         final = state.degree >= last and (accuracy.known or state.degree == self.degree)
-        due = before is None or not (coarse or before.judged)
+        due = before is None or not (unsettled or before.judged)
         early = due and (state.degree >= last or not holds(self.scene, state))
         if early or (final and state.degree < HIGHEST and self.degree is None):
             breach = max(TOLERANCE if final else BREACH, accuracy.change_of_p)
-            return Known(accuracy, final, trusted(breach), judged=not coarse)
+            return Known(accuracy, final, trusted(breach), judged=not unsettled)
         return Known(accuracy, final, None, judged=before is not None and before.judged)
 
     def start(self, near: State | None = None) -> State:

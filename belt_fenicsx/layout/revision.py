@@ -38,15 +38,15 @@ BEGINNING = 1e-2  # Sliding that is right in no more than this part of its lengt
 
 @dataclass(frozen=True)
 class Sample:
-    """Fields densely along a part in contact, all ``(m,)``: sigma, x, pressure p, friction f, stretch D, and the
-    friction ``keeping`` that would keep the stretch, D' = 0."""
+    """Fields densely along a part in contact, all ``(m,)``: sigma, x, pressure p, friction f, stretch D, and what
+    computes the friction ``keeping`` that would keep the stretch, D' = 0."""
 
     sigma: Array
     x: Array
     p: Array
     f: Array
     D: Array
-    keeping: Array
+    keeping: Callable[[], Array]
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ class _Contact:
         if i != self.transition or parts[i + 1].kind == "stick":
             return None
         bound = self.pulley.friction * at.p
-        excess, last = np.abs(at.keeping) - bound, at.sigma.size - 1
+        excess, last = np.abs(at.keeping()) - bound, at.sigma.size - 1
         if excess[last] >= -self.tolerances.bound * bound.max():
             return None
         held = min(int(np.flatnonzero(excess > 0.0).max(initial=0)), last - 1)

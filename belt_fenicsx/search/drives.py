@@ -144,8 +144,8 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
         Places of the transition, what is gained for each of them, and where sliding turns, all ``(m,)``.
     """
     pulley = scene.pulleys[0]
-    names = ("sigma", "p", "f", "keeping")
-    sigma, p, f, keeping = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    sigma, p, f = (np.concatenate([getattr(part, name) for part in parts]) for name in ("sigma", "p", "f"))
+    keeping = np.concatenate([part.keeping() for part in parts])
     sense = sliding(-ahead(scene, samples)).sense
     slip, strain = sense * pulley.friction * p, max(samples.pulleys[0].speed - 1.0, LEAST_STRAIN)
     # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.

@@ -37,7 +37,7 @@ def revised(contact, fields, drive=None, ends=None, **tolerances):
         values, one = np.broadcast_to(field(PLACE), PLACE.shape), np.ones(PLACE.size)
         f, D = (values, one) if part == STICK else (-0.5 * part.sense * one, 1.0 + values)
         sigma = start + (end - start) * PLACE
-        parts.append(Sample(sigma=sigma, x=sigma, p=one, f=f, D=D, keeping=f))
+        parts.append(Sample(sigma=sigma, x=sigma, p=one, f=f, D=D, keeping=f.copy))
     samples = Samples(ends, (*parts, None), (Resultants(1.0, float(ends[2]), 0.4, 0.0),))
     revision = revise(asked, layout, samples, replace(TOLERANCES, **tolerances))
     if revision is None:
@@ -79,7 +79,7 @@ def test_sliding_turns_by_way_of_stick_where_friction_could_keep_the_stretch(kee
         sigma = start + (end - start) * PLACE
         f, one = np.full(PLACE.size, -0.5 * part.sense), np.ones(PLACE.size)
         D = 1.0 + 0.01 * part.sense * (1.0 - PLACE if part == FORWARD else PLACE)
-        parts.append(Sample(sigma, sigma, one, f, D, -1.0 + (keeping + 1.0) * PLACE))
+        parts.append(Sample(sigma, sigma, one, f, D, (-1.0 + (keeping + 1.0) * PLACE).copy))
     samples = Samples(ends, (None, *parts, None), (Resultants(1.0, -0.1, 0.4, 0.0),))
     revision = revise(asked, layout, samples, TOLERANCES)
     if keeping == 0.6:
@@ -148,7 +148,7 @@ def test_new_joints_are_read_from_the_densest_samples():
     def samples(count, finer=None):
         x = np.linspace(0.0, 1.0, count)
         return Samples(
-            ends, (None, Sample(x, x, x * 0.0 + 1.0, x - 0.6, x * 0.0 + 1.0, x - 0.6), None), on_pulley, finer
+            ends, (None, Sample(x, x, x * 0.0 + 1.0, x - 0.6, x * 0.0 + 1.0, lambda: x - 0.6), None), on_pulley, finer
         )
 
     revision = revise(asked, layout, samples(3, lambda: samples(1001)), TOLERANCES)

@@ -75,7 +75,7 @@ def samples(layout, ends):
         sigma = np.linspace(ends[i], ends[i + 1], X.size)
         sticks = layout.parts[i].kind == "stick"
         f = sigma + 0.15 if sticks else -BOUND * layout.parts[i].sense * np.ones(X.size)
-        parts[i] = Sample(sigma, sigma, np.ones(X.size), f, 1.04 + 0.01 * (sigma - sigma[0]) * (not sticks), f)
+        parts[i] = Sample(sigma, sigma, np.ones(X.size), f, 1.04 + 0.01 * (sigma - sigma[0]) * (not sticks), f.copy)
     friction = sum(float(np.mean(part.f) * np.ptp(part.sigma)) for part in parts if part is not None)
     return Samples(np.asarray(ends), tuple(parts), (Resultants(1.04, float(ends[2]), 0.4, friction),))
 
