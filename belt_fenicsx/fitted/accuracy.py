@@ -42,8 +42,10 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
 STRETCH = 5e-12  # The rounding error of a stretch at any point.
 TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
-# The estimated error of the torque that goes with an rtol, over the rtol; the true one is a tenth of it, or less.
-OF_TORQUE = 100.0
+# The estimated error of the torque that goes with an rtol, over the rtol; the true one is a third of it, or less.
+OF_TORQUE = 30.0
+# Where the pressure changes by more than this times the accuracy of the fields, estimates are not trusted.
+TRUSTED = 20.0
 STRETCHES = ("D", "eps", "v_rel")
 
 
@@ -114,7 +116,8 @@ def estimate(
     change = change_of_pressure(start, state)
     error = error_of_known(scene, before, start, state, change, change_before)
     of_torque = error_of_torque(scene, before, state, change, change_before)
-    known = error <= max(rtol, rounding(scene, state)) and of_torque <= OF_TORQUE * rtol and change <= COARSEST
+    known = error <= max(rtol, rounding(scene, state)) and of_torque <= OF_TORQUE * rtol
+    known = known and change <= min(COARSEST, TRUSTED * of_fields(rtol))
     errors = errors_of_fields(scene, before, state, change, change_before) if known or last else {}
     return Accuracy(state, error, of_torque, errors, change, known and max(errors.values()) <= of_fields(rtol))
 

@@ -17,7 +17,7 @@ from belt_fenicsx.layout.layout import Layout
 # Length of a zone's first cell, in lengths of the layer at that end, and by which factor each further cell is longer:
 # free spans are straight outside of their layers, contact is curved all along.
 FIRST_FREE, GROWTH_FREE = 0.4, 3.0
-FIRST_CONTACT, GROWTH_CONTACT = 1.2, 1.8
+FIRST_CONTACT, GROWTH_CONTACT = 1.05, 1.7
 FEWEST = 3  # cells of a zone
 
 
