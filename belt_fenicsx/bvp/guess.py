@@ -18,6 +18,7 @@ from belt_fenicsx.taut_string.string import taut_string
 def guess(problem: Problem, scene: Scene, intervals: int = COARSE) -> Discrete:
     """The taut string on a coarse mesh."""
     rod, string = problem.rod, taut_string(scene)
+    assert string is not None, "a belt that is clear of the pulley is straight"
     borders = string.borders if len(problem.zones) == 4 else string.borders[[0, 2]]
     ends = np.array([-0.5, *borders, 0.5])
     strains = np.maximum(string.strain, LEAST_STRAIN)
@@ -34,14 +35,15 @@ def guess(problem: Problem, scene: Scene, intervals: int = COARSE) -> Discrete:
         phi, D = string.phi(sigma), string.D(sigma)
         if zone.kind == "free":
             angle = string.angles[0 if i == 0 else -1]
-            y.append([*string.r(sigma).T, np.full_like(sigma, angle), np.zeros_like(sigma)])
+            y.append(np.array([*string.r(sigma).T, np.full_like(sigma, angle), np.zeros_like(sigma)]))
         else:
-            y.append([phi, phi, -D / rod.radius, D][: zone.unknowns])
+            y.append(np.array([phi, phi, -D / rod.radius, D][: zone.unknowns]))
     return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
 
 
 def from_fields(problem: Problem, solution: Solution, intervals: int = COARSE) -> Discrete:
     """The fields of a solution by any method, whose zones are those of the problem, on a coarse mesh."""
+    assert solution.fields is not None, "a solution with zones has fields"
     _, units = solution.scene.dimensionless()
     fields, mesh = solution.fields.in_units(units.inverse()), np.linspace(0.0, 1.0, intervals + 1)
     borders = [zone.sigma[1] / units.length for zone in solution.zones[:-1]]
@@ -61,7 +63,7 @@ def from_fields(problem: Problem, solution: Solution, intervals: int = COARSE) -
         sigma = ends[i] + part * (ends[i + 1] - ends[i])
         names = (fields.x, fields.y) if zone.kind == "free" else (fields.phi,)
         unknowns = (*names, fields.theta, fields.kappa, fields.D)[: zone.unknowns]
-        y.append([np.interp(sigma, fields.sigma[here], values[here]) for values in unknowns])
+        y.append(np.array([np.interp(sigma, fields.sigma[here], values[here]) for values in unknowns]))
     return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
 
 

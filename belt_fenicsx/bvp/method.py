@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from belt_fenicsx.bvp.guess import from_fields
-from belt_fenicsx.bvp.newton import COARSE
+from belt_fenicsx.bvp.newton import COARSE, Refined
 from belt_fenicsx.bvp.reading import FIELDS, answer, field_errors, seen
 from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.bvp.state import State, pose
@@ -101,12 +101,12 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
             contacts=(contact,),
             zones=zones,
             fields=fields,
-            error_estimate=float(run.end.errors[0]),
-            field_errors=field_errors(run.end.errors[1:]),
+            error_estimate=float(run.refinement.errors[0]),
+            field_errors=field_errors(run.refinement.errors[1:]),
             measures={"residual": state.discrete.residual},
             state=state,
         ).in_units(scene, units)
-        if not run.end.reached:
+        if not run.refinement.reached:
             solution = replace(solution, status=Status.ACCURACY_NOT_REACHED, message=_missed(run))
     except Stopped as stopped:
         solution = replace(solution, status=stopped.status, message=stopped.message)
@@ -116,10 +116,10 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
 def _missed(run: Run) -> str:
     """What is less accurate than wanted."""
     asked_for = "the torque" if run.scene.pulleys[0].drive.kind == "omega" else "omega"
-    worst = int(np.argmax(run.end.errors / run.wanted))
+    worst = int(np.argmax(run.refinement.errors / run.wanted))
     return (
-        f"On {run.end.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
-        f"{run.end.errors[worst]:.1g}, {run.wanted[worst]:.1g} is wanted. Give a larger `rtol`."
+        f"On {run.refinement.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
+        f"{run.refinement.errors[worst]:.1g}, {run.wanted[worst]:.1g} is wanted. Give a larger `rtol`."
     )
 
 
@@ -129,21 +129,21 @@ def _find(run: Run, initial: Solution | None) -> State:
     With little friction, all admissible speeds may lie closer together than those of coarse and fine meshes do; next
     to pure stick and pure slip, so may speeds and torques of other zones.
     """
-    found = None
+    found: list[tuple[State, Refined]] = []
     for intervals in MESHES:
         run.intervals, run.end = intervals, None
         try:
             state = find(run, _warm(run, initial) or _cold(run))
         except Stopped as stopped:
             diverged = stopped.status is Status.NEWTON_DIVERGED
-            if not diverged or (found is None and (stopped.final or intervals == MESHES[-1])):
+            if not diverged or (not found and (stopped.final or intervals == MESHES[-1])):
                 raise
         else:
-            found = state, run.end
+            found.append((state, run.refinement))
             if answers(run, state):
                 return state
     # What the first mesh showed may say why there is no answer.
-    state, run.end = found
+    state, run.end = found[-1]
     if run.is_plausible(state) and not meets(run, state):
         message = f"The finest mesh leaves {state.layout}, which does not meet the drive."
         raise Stopped(Status.NEWTON_DIVERGED, message)
@@ -152,8 +152,7 @@ def _find(run: Run, initial: Solution | None) -> State:
 
 def _warm(run: Run, initial: Solution | None) -> State | None:
     """An answer on the coarse mesh from a given one; None where there is none."""
-    layout = None if initial is None else layout_of(run.scene, initial)
-    if layout is None:
+    if initial is None or (layout := layout_of(run.scene, initial)) is None:
         run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
     problem = pose(run.scene, layout)

@@ -44,7 +44,7 @@ class Discrete:
         mesh: Nodes in [0, 1], shared by all zones ``(m + 1,)``.
         y: Functions at the nodes ``(n, m + 1)``.
         p: Parameters ``(k,)``.
-        between: The functions between the nodes; None for a guess.
+        spline: The functions between the nodes; None for a guess.
         residual: Largest relative residual of the collocation's equations and of the border conditions.
         iterations: Number of Jacobians.
     """
@@ -53,7 +53,7 @@ class Discrete:
     mesh: Array
     y: Array
     p: Array
-    between: PPoly | None = None
+    spline: PPoly | None = None
     residual: float = math.inf
     iterations: int = 0
 
@@ -61,6 +61,12 @@ class Discrete:
     def converged(self) -> bool:
         """Whether Newton's iteration converged."""
         return self.residual <= NEWTON
+
+    @property
+    def between(self) -> PPoly:
+        """The functions between the nodes, of a solution."""
+        assert self.spline is not None, "a guess is known at its nodes only"
+        return self.spline
 
     def on(self, problem: Problem, intervals: int) -> Discrete:
         """Itself as a guess on another mesh, whose maps are made for its own layers."""
@@ -163,8 +169,8 @@ def newton(
 
     def residual_jacobian(first: Array, last: Array, q: Array) -> tuple[Array, Array, Array]:
         p, gradient = linearised(lengths.borders, q)
-        *dy, dp = problem.residual_jacobian(first, last, p)
-        return (*dy, dp @ gradient)
+        by_first, by_last, by_p = problem.residual_jacobian(first, last, p)
+        return by_first, by_last, by_p @ gradient
 
     mesh, y, missed = start.mesh, start.y, math.inf
     q = lengths.logarithms(start.p)
@@ -188,7 +194,7 @@ def newton(
         if missed <= tolerance or not math.isfinite(missed) or (missed <= NEWTON and missed > before / 2.0):
             break
     # solve_bvp linearises at the nodes and in the middle of the intervals: two calls for each Jacobian.
-    return replace(start, y=y, p=p, between=result.sol, residual=missed, iterations=jacobians // 2)
+    return replace(start, y=y, p=p, spline=result.sol, residual=missed, iterations=jacobians // 2)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, moment, placed_at, places
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
+from belt_fenicsx.scene.pulley import Slip as Sense
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
@@ -51,6 +52,7 @@ def grip(problem: Problem, discrete: Discrete) -> tuple[float, float]:
         return float(state[5]), float(state[0])
     # Where the belt slides all along, its slowest or fastest point tells how the pulley may turn.
     slip, rows = problem.zones[1], problem.slices[1][0]
+    assert isinstance(slip, Slip), "what does not stick slides"
     places = np.array([0.0])
     if slip.friction != 0.0:
         stretch = PPoly(discrete.between.c[:, :, rows][:, :, 3], discrete.between.x)
@@ -103,7 +105,8 @@ def columns(problem: Problem, discrete: Discrete, inside: Array) -> Array:
 
 def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
     """What a solution says about its layout, from the nodes of its mesh or, if more than one, so many pieces of it."""
-    xi, ends, parts = discrete.finer(pieces), problem.borders(discrete.p), []
+    xi, ends = discrete.finer(pieces), problem.borders(discrete.p)
+    parts: list[Sample | None] = []
     values = discrete.y if pieces == 1 else discrete.between(xi)
     inside = zip(pairwise(ends), places(discrete.widths, xi), strict=True)
     for (zone, y, c), ((start, end), part) in zip(problem.parts(values, discrete.p), inside, strict=True):
@@ -162,7 +165,7 @@ def answer(
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
     table, zones = columns(problem, discrete, places(discrete.widths, xi)), []
     for i, zone in enumerate(problem.zones):
-        sense = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
+        sense: Sense | None = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
         (start, end), x = table[0, i, [FIRST, LAST]].tolist(), table[1, i, [FIRST, LAST]].tolist()
         zones.append(Zone(kind=zone.kind, slip=sense, sigma=(start, end), x=(x[0], x[1])))
     index = np.repeat(np.arange(len(zones)), xi.size)

@@ -59,7 +59,7 @@ class Run:
         intervals: Of the coarse mesh.
         stages: What was done so far.
         work: What may still be spent, by this run and by those that it starts.
-        end: The last refinement.
+        end: The last refinement; None before the first one.
         positive: Whether to solve for the logarithms of the lengths of parts on the pulley.
     """
 
@@ -77,6 +77,12 @@ class Run:
     def wanted(self) -> Array:
         """Errors that are allowed: of omega or the torque, and of each of the fields."""
         return np.array([self.rtol, *[max(FIELD * self.rtol, FINEST_FIELD)] * len(FIELDS)])
+
+    @property
+    def refinement(self) -> Refined:
+        """The last refinement, through which every answer has gone."""
+        assert self.end is not None, "an answer has been refined"
+        return self.end
 
     def at(self, scene: Scene) -> Run:
         """A run on the way of this one, for another scene."""
@@ -152,8 +158,8 @@ class Run:
             SceneError: Stick cannot end at this place.
             Stopped: There is none.
         """
-        if slack := taut_string(self.scene).slack:
-            raise Stopped(Status.CONTACT_LOST, slack, final=True)
+        if (string := taut_string(self.scene)) and string.slack:
+            raise Stopped(Status.CONTACT_LOST, string.slack, final=True)
         layout = posed(self.scene)
         problem = pose(self.scene, layout)
         first = State(layout, problem, guess(problem, self.scene, self.intervals))

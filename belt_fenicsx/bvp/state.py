@@ -6,7 +6,7 @@ import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from belt_fenicsx.bvp.equations import Free, Rod, Slip, Stick
+from belt_fenicsx.bvp.equations import Free, Rod, Slip, Stick, ZoneEquations
 from belt_fenicsx.bvp.newton import Discrete
 from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, moment, onset
 from belt_fenicsx.bvp.reading import samples
@@ -42,7 +42,7 @@ def pose(scene: Scene, layout: Layout | None = None) -> Problem:
         radius=pulley.radius,
         center=pulley.center,
     )
-    of_kind = {"free": Free(), "stick": Stick()}
+    of_kind: dict[str, ZoneEquations] = {"free": Free(), "stick": Stick()}
     zones = tuple(of_kind.get(part.kind) or Slip(part.sense * pulley.friction) for part in layout.parts)
     return Problem(rod, scene.span, zones, tuple(_conditions(scene, layout, rod)))
 
@@ -57,12 +57,12 @@ def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
             sense = -after.sense if joint.side == BEFORE else before.sense
             yield Condition(((i, LAST, onset(rod, Slip(sense * pulley.friction))),))
         elif joint.equation == "x":
-            yield Condition(((i, LAST, component(0)),), pulley.x_trans)
+            yield Condition(((i, LAST, component(0)),), pulley.drive.by("x_trans"))
         elif joint.equation == "speed":
-            yield Condition(((i, LAST, component(D)),), rod.radius * pulley.omega)
+            yield Condition(((i, LAST, component(D)),), rod.radius * pulley.drive.by("omega"))
         elif joint.equation == "stretch" and i != transition:
             yield Condition(((i, LAST, component(D)), (transition, LAST, component(D, -1.0))))
     if speed.equation == "torque":
         # It takes the place of the stretch at the transition, which is that in stick already.
         ends = (on[0], FIRST, moment(rod, 1.0)), (on[-1], LAST, moment(rod, -1.0))
-        yield Condition(ends, pulley.torque)
+        yield Condition(ends, pulley.drive.by("torque"))

@@ -59,6 +59,7 @@ def solution_guess(scene: Scene, initial: Solution, layout: Layout, degree: int,
     """A given solution by any method on a layout, as a first guess."""
     if isinstance(initial.state, State):
         return from_fields(scene, initial.state, layout, initial.state.ends, degree, elements)
+    assert initial.fields is not None, "a solution with zones has fields"
     units = initial.scene.dimensionless()[1].inverse()
     ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
     return from_fields(scene, initial.fields.in_units(units), layout, ends, degree, elements)

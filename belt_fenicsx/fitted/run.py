@@ -28,6 +28,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
+from belt_fenicsx.scene.belt import StiffnessBelt
 from belt_fenicsx.scene.pulley import RUN_OFF
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
@@ -240,6 +241,7 @@ def from_string(run: Run, *, held: bool = False) -> State:
 def from_softer(run: Run) -> State:
     """By way of a belt that bends more easily and so is more like a string."""
     belt = run.scene.belt
+    assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
     softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
     state = from_string(replace(run, scene=replace(run.scene, belt=softer)), held=True)
     return run.newton(run.transfer(state, posed(run.scene), state.ends), "a belt that bends more easily")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim, number, positive, shown, store
 from belt_fenicsx.scene.units import Quantity, Units
 
 Slip = Literal["forward", "backward"]
-RUN_UP, RUN_OFF = "run-up", "run-off"
+RUN_UP: Final = "run-up"
+RUN_OFF: Final = "run-off"
 DRIVES: Mapping[str, Quantity] = {
     "x_trans": Quantity(unit="m", text="transition", length=1),
     "omega": Quantity(unit="rad/s", text="omega", length=-1, rate=1),
@@ -31,6 +32,11 @@ class Drive:
     kind: str
     value: float | Literal["run-up", "run-off"]
     slip: Slip | None = None
+
+    def by(self, kind: str) -> float:
+        """Its value, of a drive that is of this kind and by a number."""
+        assert self.kind == kind and not isinstance(self.value, str), f"a drive by {self.kind} = {self.value}"
+        return self.value
 
     def dimensionless(self, units: Units) -> dict[str, Any]:
         """The value in these units, as keyword of a pulley."""

@@ -102,7 +102,8 @@ def divide_stick(scene: Scene, stick: Layout, samples: Samples, least: float) ->
         return None
     start, stop = ends[sticks[0]], ends[on[-1] + 1]
     margin = least * (stop - ends[on[0]])
-    place = min(max(float(np.interp(scene.pulleys[0].x_trans, at.x, at.sigma)), start + margin), stop - margin)
+    x_trans = scene.pulleys[0].drive.by("x_trans")
+    place = min(max(float(np.interp(x_trans, at.x, at.sigma)), start + margin), stop - margin)
     layout = ordered(scene, [*stick.parts[on[0] : sticks[0] + 1], wanted.contact[-1]])
     return layout, np.array([*ends[: sticks[0] + 1], place, stop, ends[-1]])
 

@@ -36,8 +36,7 @@ def find(method: Method[S], state: S) -> S:
     """The answer from a coarse state. Where revised rows lead nowhere, a finer state is judged anew."""
     while (finer := method.refine(state)) is not None:
         settled = attempt(functools.partial(settle, method, finer))
-        lost = settled is None or (settled is not finer and not method.is_plausible(settled))
-        state = finer if lost else settled
+        state = settled if settled is not None and (settled is finer or method.is_plausible(settled)) else finer
     return state
 
 
