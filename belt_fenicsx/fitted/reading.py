@@ -36,8 +36,9 @@ def sample(state: State, index: int) -> Sample:
     def keeping() -> Array:
         return state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])[1].ravel()[once]
 
-    fields = (field[cells].ravel()[once] for field in (dense.sigma, dense.r.real, dense.p, dense.f, dense.D))
-    return Sample(*fields, keeping)
+    along = (dense.sigma, dense.r.real, dense.p, dense.f, dense.D)
+    sigma, x, p, f, D = (field[cells].ravel()[once] for field in along)
+    return Sample(sigma, x, p, f, D, keeping)
 
 
 def grip(scene: Scene, state: State) -> tuple[float, float]:
