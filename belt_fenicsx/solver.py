@@ -20,7 +20,7 @@ from belt_fenicsx.scene.checks import (
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages
-from belt_fenicsx.solution.status import BLIND, Status, finish
+from belt_fenicsx.solution.status import BLIND, UNFINISHED, Status, finish
 from belt_fenicsx.taut_string.hints import hints
 from belt_fenicsx.taut_string.straight import straight_belt, touches
 
@@ -51,7 +51,6 @@ METHODS = {
     "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
     "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc"),
 }
-UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)  # from another start, there may be an answer
 
 
 def solve(

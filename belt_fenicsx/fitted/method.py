@@ -36,9 +36,7 @@ from belt_fenicsx.search.limits import check_smooth, meets
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
-from belt_fenicsx.solution.status import Status
-
-UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)  # From another start, there may be an answer.
+from belt_fenicsx.solution.status import UNFINISHED, Status
 
 
 def solve(

@@ -91,8 +91,7 @@ def load(path: str | Path) -> dict[str, Any]:
         between = {name: arrays.pop(name) for name in [*arrays] if name.startswith(EVALUATOR)}
         arguments = from_plain(plain, _fields(arrays) if arrays else None)
         return {**arguments, "evaluator": _evaluator(arguments, between)} if between else arguments
-    # A damaged archive, array or text has many ways to fail in the readers of Python and NumPy.
-    except Exception as error:
+    except Exception as error:  # damaged archives, arrays and texts fail in many ways in Python's and NumPy's readers
         why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"
         raise SceneError("path", f"name a file that `save` wrote ({why})", str(path)) from None
 

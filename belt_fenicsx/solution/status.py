@@ -23,6 +23,9 @@ class Status(enum.Enum):
     CAPACITY_EXCEEDED = "The torque is beyond what friction can transmit."
 
 
+# Ends after which there may be an answer from another start.
+UNFINISHED = (Status.NEWTON_DIVERGED, Status.NOT_ADMISSIBLE)
+
 # Ends of an iteration that say nothing of their reason.
 BLIND = (Status.NEWTON_DIVERGED, Status.MULTIPLIERS_DIVERGED, Status.CONTACT_LOST)
 
