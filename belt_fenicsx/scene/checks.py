@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from numbers import Integral, Real
 from typing import Any
 
-METHODS = ("fitted", "augmented-lagrangian", "bvp")  # the default first
+METHODS = ("fitted", "augmented-lagrangian", "bvp", "string")  # the default first
 FEWEST_ELEMENTS = 2  # that any method may be asked for
 RTOL_RANGE = (1e-13, 1e-1)  # of relative tolerances, within what double precision can give
 
@@ -83,6 +83,21 @@ def positive(name: str, value: object, unit: str) -> float:
     if result < SMALLEST:
         raise SceneError(name, f"be at least {SMALLEST:g} [{unit}]", value)
     return result
+
+
+def not_negative(name: str, value: object, unit: str) -> float:
+    """Checks that ``value`` is a finite number, not below zero, and returns it as a float."""
+    result = number(name, value, unit)
+    if result < 0.0:
+        raise SceneError(name, f"be zero or positive [{unit}]", value)
+    return result
+
+
+def pair(name: str, value: object, expected: str, unit: str) -> tuple[float, float]:
+    """Checks that ``value`` is a pair of finite numbers, as ``expected`` says, and returns it as floats."""
+    if isinstance(value, str | Mapping) or not hasattr(value, "__getitem__") or len(value) != 2:  # type: ignore[arg-type]
+        raise SceneError(name, f"be a pair of finite numbers {expected} [{unit}]", value)
+    return number(f"{name}.0", value[0], unit), number(f"{name}.1", value[1], unit)
 
 
 def whole_number(name: str, value: object, least: int) -> int:

@@ -1,4 +1,4 @@
-"""The scene: a belt, its pulley and how they are driven. Pure Python, frozen, validated, in SI units.
+"""The scene: a belt, its pulleys and how they are driven. Pure Python, frozen, validated, in SI units.
 
 Nothing here knows a numerical method. `Scene.dimensionless` gives the scene that all methods solve (lengths
 in units of the belt's length, forces in units of its extensional stiffness, unit transport rate), so that
@@ -8,55 +8,86 @@ no answer depends on the units of the question.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from belt_fenicsx.scene.belt import STIFFNESSES, Belt, StiffnessBelt
-from belt_fenicsx.scene.checks import SceneError, positive, store
+from belt_fenicsx.scene.belt import INERTIA, OFFSET, STIFFNESSES, Belt, StiffnessBelt
+from belt_fenicsx.scene.checks import SceneError, pair, positive, store
 from belt_fenicsx.scene.pulley import Pulley
-from belt_fenicsx.scene.units import Units
+from belt_fenicsx.scene.units import Quantity, Units
+
+GRAVITY = Quantity(unit="m/s^2", text="gravity", length=-1, rate=2)
+Clamp = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A belt between two clamps, transported over a pulley. The defaults are the source's scene.
+    """A belt between two clamps or in a closed loop, transported over pulleys. The defaults are the source's scene.
 
-    The clamps stand at x = -span/2 and x = +span/2, y = 0, with cross-section angle zero; the belt lies above the
-    pulley and travels from left to right.
+    Between clamps, which stand at x = -span/2 and x = +span/2, y = 0, with cross-section angle zero if they are not
+    given, the belt travels from the first to the last. In a loop, it passes the pulleys in their order, and from the
+    last one on to the first.
 
     Attributes:
         belt: The belt.
-        pulleys: The pulleys; one, so far.
-        span: Distance Lx of the clamps [m].
-        transport_rate: Mass transport rate c [m/s].
+        pulleys: The pulleys, in the order of travel.
+        span: Distance Lx of the clamps [m]; without a meaning in a loop and beside ``clamps``.
+        clamps: Places x, y [m] and angles [rad] of both clamps; None where ``span`` says it, or in a loop.
+        closed: Whether the belt is a loop.
+        gravity: Gravity ``(2,)`` [m/s^2].
+        transport_rate: Mass transport rate c [m/s]; 1 between clamps if it is not given, to be found in a loop.
+        elongation: Strain of the belt when it lies round the pulleys at rest, taut [-]; it fits the belt's length.
+        tension: Force of the belt there [N]; does the same.
 
     Raises:
-        SceneError: A value is out of its range, or a clamp lies inside the pulley.
+        SceneError: A value is out of its range, or the pulleys and what drives them make no sense together.
     """
 
     belt: Belt | StiffnessBelt = field(default_factory=Belt)
     pulleys: tuple[Pulley, ...] = field(default_factory=lambda: (Pulley(),))
     span: float = 1.0
-    transport_rate: float = 1.0
+    clamps: tuple[Clamp, Clamp] | None = None
+    closed: bool = False
+    gravity: tuple[float, float] = (0.0, 0.0)
+    transport_rate: float | None = None
+    elongation: float | None = None
+    tension: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.belt, Belt | StiffnessBelt):
             raise SceneError("belt", "be a Belt or a StiffnessBelt", self.belt)
         if not isinstance(self.pulleys, tuple | list) or not all(isinstance(p, Pulley) for p in self.pulleys):
             raise SceneError("pulleys", "be a tuple of Pulley", self.pulleys)
-        if len(self.pulleys) != 1:
-            raise SceneError("pulleys", "hold exactly one pulley (more are not there yet)", len(self.pulleys))
+        pulleys = tuple(self.pulleys)
+        if not self.closed and len(pulleys) == 1 and pulleys[0].drive.kind == "none":
+            pulleys = (replace(pulleys[0], x_trans=0.0),)
+        rate = 1.0 if self.transport_rate is None and not self.closed else self.transport_rate
         store(
             self,
-            pulleys=tuple(self.pulleys),
+            pulleys=pulleys,
             span=positive("span", self.span, "m"),
-            transport_rate=positive("transport_rate", self.transport_rate, "m/s"),
+            gravity=pair("gravity", self.gravity, "(gx, gy)", "m/s^2"),
+            transport_rate=None if rate is None else positive("transport_rate", rate, "m/s"),
         )
         for index, pulley in enumerate(self.pulleys):
             self._check_clearance(index, pulley)
 
+    @property
+    def ends(self) -> tuple[Clamp, Clamp]:
+        """Places x, y [m] and angles [rad] of both clamps, of a belt between clamps."""
+        assert not self.closed, "a loop has no clamps"
+        return self.clamps or ((-self.span / 2, 0.0, 0.0), (self.span / 2, 0.0, 0.0))
+
+    @property
+    def is_published(self) -> bool:
+        """Whether it is of the kind that the source solves: one pulley below a belt without loads, between clamps."""
+        pulley, belt = self.pulleys[0], self.belt
+        loads = belt.line_density or belt.rotary_inertia or belt.contact_offset
+        more = self.closed or self.clamps or len(self.pulleys) != 1 or loads
+        return not (more or pulley.side == "left" or pulley.take_up or pulley.drag or pulley.slip_angle is not None)
+
     def _check_clearance(self, index: int, pulley: Pulley) -> None:
-        for side, x in (("left", -self.span / 2), ("right", self.span / 2)):
-            distance = math.dist((x, 0.0), pulley.center)
+        for side, (x, y, _) in zip(("left", "right"), () if self.closed else self.ends, strict=False):
+            distance = math.dist((x, y), pulley.center)
             if distance <= pulley.radius:
                 raise SceneError(
                     f"pulleys.{index}.radius",
@@ -68,12 +99,30 @@ class Scene:
     def dimensionless(self) -> tuple[Scene, Units]:
         """The scene in units of the belt's length, its extensional stiffness and the transport rate.
 
+        Where the transport rate is to be found, its unit is the surface speed of the first pulley whose speed is given.
+
         Returns:
             The dimensionless scene, whose belt has unit length and unit extensional stiffness, and the units that
             turn its answers into this scene's.
         """
-        units = Units(length=self.belt.length, force=self.belt.extensional_stiffness, rate=self.transport_rate)
-        stiffnesses = {name: getattr(self.belt, name) / quantity.scale(units) for name, quantity in STIFFNESSES.items()}
-        belt = StiffnessBelt(length=1.0, **stiffnesses)
-        pulleys = tuple(pulley.dimensionless(units) for pulley in self.pulleys)
-        return Scene(belt=belt, pulleys=pulleys, span=self.span / units.length, transport_rate=1.0), units
+        units = Units(length=self.belt.length, force=self.belt.extensional_stiffness, rate=self._rate_unit())
+        named = {**STIFFNESSES, **INERTIA, "contact_offset": OFFSET}
+        belt = StiffnessBelt(
+            length=1.0, **{name: getattr(self.belt, name) / quantity.scale(units) for name, quantity in named.items()}
+        )
+        clamps = self.clamps and tuple((x / units.length, y / units.length, angle) for x, y, angle in self.clamps)
+        scene = Scene(
+            belt=belt,
+            pulleys=tuple(pulley.dimensionless(units) for pulley in self.pulleys),
+            span=self.span / units.length,
+            clamps=clamps,  # type: ignore[arg-type]
+            closed=self.closed,
+            gravity=tuple(component / GRAVITY.scale(units) for component in self.gravity),  # type: ignore[arg-type]
+            transport_rate=None if self.transport_rate is None else 1.0,
+        )
+        return scene, units
+
+    def _rate_unit(self) -> float:
+        if self.transport_rate is not None:
+            return self.transport_rate
+        return next(pulley.radius * pulley.omega for pulley in self.pulleys if pulley.omega)
