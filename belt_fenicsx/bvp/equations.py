@@ -1,182 +1,226 @@
-"""The ordinary differential equations of the belt in each kind of zone.
+"""The ordinary differential equations of the belt: in a free span, and on a pulley.
 
-All zones are parametrised by the material-length coordinate sigma. Section 18.3 takes x in free spans and phi on the
+All parts are parametrised by the material-length coordinate sigma. Section 18.3 takes x in free spans and phi on the
 pulley instead, which needs cos phi > 0; the equations are the same after multiplication by dx/dsigma and
-dphi/dsigma. With psi = th - phi, the force's components Q1 and Q2 in the axes of the cross-section, and the belt's
-tangent t and normal n,
+dphi/dsigma. With c^2 times the belt's inertia shifted into force and moment,
 
-    Q1 = b1 eps               Q2 = b2 Gamma                                   (18.5)
-    1 + eps = D cos psi       Gamma = -D sin psi                              (18.6)
-    Q' + f t + p n = 0        a kappa' + Q2 (1 + eps) - Q1 Gamma = 0          (18.17)
+    N = Q - rho A c^2 r'          M* = (a - rho I c^2) kappa
+    N' + f t + s p n + rho A g = 0        M*' + r' x N + d q1 = 0             (18.17), with inertia and gravity
 
-In a free span, two of its six equations, those for D and psi in (18.20), say no more than that the force Q is constant
-in global axes. They are integrated here: Q's components X, Y are unknown constants of the span, and
+where s = +1 for a pulley on the right of the belt and -1 for one on its left, d = s e is the distance of the middle line
+from the touching fibre, and q1 = f cos psi + s p sin psi is what that fibre gets along the cross-section's first axis.
 
-    x' = (1 + eps) cos th - Gamma sin th      th' = kappa
-    y' = (1 + eps) sin th + Gamma cos th
+In a free span N changes by the weight alone. On a pulley it is the touching fibre that runs on the circle: phi and D are
+the angle of its tangent and its stretch, phi' = -s D / R, and with psi = theta - phi
 
-On the pulley phi' = -D / R and th' = kappa (18.21), and the balance of forces gives the tractions p and f. Stick has an
-unknown constant D. Sliding of sense s adds the equation f + s mu p = 0, which is linear in D' and solved for it. It is
-(18.22) for s = -1, and (18.22) with -mu in place of mu for the forward sliding that the source means.
+    eps = D cos psi - 1 - d kappa         Gamma = -D sin psi                  (18.6), with the offset d
 
-No equation is linearised by hand: `problem.linearised` takes derivatives by a complex step. So rates and states are
-analytic functions, without abs, hypot, arctan2 or bounds, of arrays with any number of further axes.
+so that the balance of forces gives the tractions p and f. Stick keeps D. Sliding adds the equation f + m p = 0 with
+m = mu forward and -mu backward, which is linear in D' and solved for it. It is (18.22) for backward sliding, and (18.22)
+with -mu in place of mu for the forward sliding that the source means.
+
+No equation is linearised by hand: `linearised` takes derivatives by a complex step. So rates and states are analytic
+functions, without abs, hypot, arctan2 or bounds, of arrays ``(n, ..., parts, points)``.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
 
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 
-TINY_STRAIN = 1e-6  # below which a span is as good as slack
+TINY_STRAIN = 1e-6  # A span of a smaller strain is as good as slack.
+STEP = 1e-30  # Imaginary step of derivatives; its square is far below rounding.
+
+
+def linearised(function: Callable[[Array], Array], z: Array) -> tuple[Array, Array]:
+    """Values and derivatives of an analytic function by a complex step, exact but for rounding.
+
+    They are Re f(z + i h) and Im f(z + i h) / h; all directions are one more axis of a single call.
+
+    Args:
+        function: Gives ``(r, ...)`` for arguments ``(n, ...)``.
+        z: Where ``(n, ...)``.
+
+    Returns:
+        Values ``(r, ...)`` and derivatives ``(r, n, ...)``.
+    """
+    steps = 1j * STEP * np.eye(len(z)).reshape(len(z), len(z), *(1 for _ in z.shape[1:]))
+    values = function(z[:, None] + steps)
+    return values[:, 0].real, values.imag / STEP
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rod:
-    """Stiffnesses of the belt and the pulley under it, dimensionless."""
+    """The belt: stiffnesses, inertia, its weight per material length, and the offset of its touching fibre."""
 
     a: float
     b1: float
     b2: float
-    radius: float
-    center: tuple[float, float]
+    density: float = 0.0
+    inertia: float = 0.0
+    weight: tuple[float, float] = (0.0, 0.0)
+    offset: float = 0.0
 
     @property
     def shear_layer(self) -> float:
-        """About the length over which shear dies out on the pulley."""
+        """About the length over which shear dies out on a pulley."""
         return math.sqrt(self.a / self.b2)
 
     def bending_layer(self, tension: float) -> float:
         """Length over which bending dies out in a free span, not above that of a strain that is tiny."""
         return math.sqrt(self.a / max(tension, TINY_STRAIN * self.b1))
 
-    def bending_rate(self, eps: Array, Gamma: Array) -> Array:
-        """kappa' by the balance of moments (18.17)."""
-        Q1, Q2 = self.b1 * eps, self.b2 * Gamma
-        return (Q1 * Gamma - Q2 * (1.0 + eps)) / self.a
-
-    def force(self, psi: Array, D: Array) -> tuple[Array, Array]:
-        """Q.t and Q.n (18.5), (18.6)."""
-        cos, sin = np.cos(psi), np.sin(psi)
-        Q1, Q2 = self.b1 * (D * cos - 1.0), -self.b2 * D * sin
-        return Q1 * cos - Q2 * sin, Q1 * sin + Q2 * cos
-
-    def force_rate(self, psi: Array, D: Array, rates: tuple[Array | float, ...]) -> tuple[Array, Array]:
-        """Q'.t and Q'.n, linear in the rates of phi, theta and D."""
-        phi_rate, kappa, D_rate = rates
-        cos, sin, psi_rate = np.cos(psi), np.sin(psi), kappa - phi_rate
-        Q1, Q2 = self.b1 * (D * cos - 1.0), -self.b2 * D * sin
-        Q1_rate, Q2_rate = self.b1 * (D_rate * cos - D * sin * psi_rate), -self.b2 * (D_rate * sin + D * cos * psi_rate)
-        # The axes of the cross-section turn by kappa.
-        along, across = Q1_rate - kappa * Q2, Q2_rate + kappa * Q1
-        return along * cos - across * sin, along * sin + across * cos
+    def shifted(self, c: Array) -> tuple[Array, Array, Array, Array]:
+        """The belt's stiffnesses a, b1, b2 and its strainless force, all shifted by inertia at transport rate ``c``."""
+        G = self.density * c * c
+        return self.a - self.inertia * c * c, self.b1 - G, self.b2 - G, -G
 
 
-class ZoneEquations(Protocol):
-    """What the boundary-value problem knows of a zone.
+class Free:
+    """Free spans: unknowns x, y, theta, kappa and the components X, Y of N."""
 
-    Attributes:
-        kind: ``"free"``, ``"stick"`` or ``"slip"``.
-        unknowns: Number of unknown functions n.
-        constants: Number of unknown constants k.
-    """
-
-    kind: ClassVar[str]
-    unknowns: ClassVar[int]
-    constants: ClassVar[int]
+    size = 6
+    bending = 3  # Index of kappa.
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
-        """Derivatives of the unknowns ``(n, ...)`` at ``y`` ``(n, ...)``, constants ``c`` ``(k,)`` or ``(k, ...)``."""
+        """Derivatives of the unknowns ``(6, ...)``."""
+        _, _, theta, kappa, X, Y = y
+        a, _, _, _ = rod.shifted(c)
+        cos, sin = np.cos(theta), np.sin(theta)
+        eps, Gamma, N1, N2 = self._strained(rod, y, c)
+        weight = np.zeros_like(X)
+        return np.array(
+            [
+                (1.0 + eps) * cos - Gamma * sin,
+                (1.0 + eps) * sin + Gamma * cos,
+                kappa,
+                (Gamma * N1 - (1.0 + eps) * N2) / a,
+                weight - rod.weight[0],
+                weight - rod.weight[1],
+            ]
+        )
 
-    def state(self, rod: Rod, y: Array, c: Array) -> Array:
-        """What is continuous along the belt: x, y, phi, theta, kappa, D ``(6, ...)``."""
+    def joined(self, rod: Rod, y: Array, c: Array) -> Array:
+        """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
+        return y
+
+    def fields(self, rod: Rod, y: Array, c: Array) -> Array:
+        """x, y, phi, theta, kappa, D, p, f ``(8, ...)``."""
+        eps, Gamma, _, _ = self._strained(rod, y, c)
+        psi, D = -np.arctan(Gamma / (1.0 + eps)), np.sqrt((1.0 + eps) ** 2 + Gamma**2)
+        return np.array([y[0], y[1], y[2] - psi, y[2], y[3], D, np.zeros_like(D), np.zeros_like(D)])
+
+    @staticmethod
+    def _strained(rod: Rod, y: Array, c: Array) -> tuple[Array, Array, Array, Array]:
+        """Strains eps, Gamma, and the force N in the axes of the cross-section."""
+        _, _, theta, _, X, Y = y
+        _, b1, b2, strainless = rod.shifted(c)
+        cos, sin = np.cos(theta), np.sin(theta)
+        N1, N2 = X * cos + Y * sin, Y * cos - X * sin
+        return (N1 - strainless) / b1, N2 / b2, N1, N2
+
+
+@dataclass(frozen=True)
+class OnPulleys:
+    """Parts on pulleys: unknowns phi, psi, kappa, the strain D - 1 of the touching fibre, and the integral of friction f.
+
+    Attributes:
+        radius: Radii of their pulleys ``(parts, 1)``.
+        center: Centres ``(2, parts, 1)``.
+        turn: The signs s ``(parts, 1)``.
+        slope: Friction is ``-slope`` times the pressure where the belt slides ``(parts, 1)``.
+        slides: One where it slides, zero where it sticks ``(parts, 1)``.
+    """
+
+    radius: Array
+    center: Array
+    turn: Array
+    slope: Array
+    slides: Array
+
+    size = 5
+    bending = 2
+
+    def of(self, part: int) -> OnPulleys:
+        """One of the parts alone."""
+        one = slice(part, part + 1)
+        return OnPulleys(self.radius[one], self.center[:, one], self.turn[one], self.slope[one], self.slides[one])
+
+    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Derivatives of the unknowns ``(5, ...)``."""
+        return self._rates(rod, y, c, self.slides * self.onset(rod, y, c, self.slope))[0]
+
+    def onset(self, rod: Rod, y: Array, c: Array, slope: Array) -> Array:
+        """Rate of D in sliding with a friction of ``-slope`` times the pressure ``(...)``.
+
+        It is zero where sliding passes into stick with continuous friction.
+        """
+        none = np.zeros_like(y[0])
+        (_, p, f), (_, p_one, f_one) = (self._rates(rod, y, c, none + rate) for rate in (0.0, 1.0))
+        return -(f + slope * p) / (f_one - f + slope * (p_one - p))
 
     def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
         """Pressure p and friction f ``(...)`` each."""
+        _, p, f = self._rates(rod, y, c, self.slides * self.onset(rod, y, c, self.slope))
+        return p, np.where(self.slides > 0.0, -self.slope * p, f)
 
+    def keeping(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Friction that would keep the stretch ``(...)``."""
+        return self._rates(rod, y, c, np.zeros_like(y[0]))[2]
 
-@dataclass(frozen=True)
-class Free:
-    """A free span: unknowns x, y, theta, kappa and constants X, Y."""
-
-    kind: ClassVar[str] = "free"
-    unknowns: ClassVar[int] = 4
-    constants: ClassVar[int] = 2
-
-    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
-        cos, sin, eps, Gamma = self._strained(rod, y[2], c)
+    def joined(self, rod: Rod, y: Array, c: Array) -> Array:
+        """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
+        phi, psi, kappa, _, _ = y
+        (xc, yc), reach, d, theta = self.center, self.turn * self.radius, self.turn * rod.offset, phi + psi
+        cos, sin = np.cos(theta), np.sin(theta)
+        N1, N2 = self._force(rod, y, c)[2:]
         return np.array(
-            [(1.0 + eps) * cos - Gamma * sin, (1.0 + eps) * sin + Gamma * cos, y[3], rod.bending_rate(eps, Gamma)]
+            [
+                xc - reach * np.sin(phi) - d * sin,
+                yc + reach * np.cos(phi) + d * cos,
+                theta,
+                kappa,
+                N1 * cos - N2 * sin,
+                N1 * sin + N2 * cos,
+            ]
         )
 
-    def state(self, rod: Rod, y: Array, c: Array) -> Array:
-        _, _, eps, Gamma = self._strained(rod, y[2], c)
-        psi, D = -np.arctan(Gamma / (1.0 + eps)), np.sqrt((1.0 + eps) ** 2 + Gamma**2)
-        return np.array([y[0], y[1], y[2] - psi, y[2], y[3], D])
+    def fields(self, rod: Rod, y: Array, c: Array) -> Array:
+        """x, y, phi, theta, kappa, D, p, f ``(8, ...)``; phi and D are those of the touching fibre."""
+        x, height, theta, kappa, _, _ = self.joined(rod, y, c)
+        return np.array([x, height, y[0], theta, kappa, 1.0 + y[3], *self.tractions(rod, y, c)])
 
-    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
-        return np.zeros(y.shape[1:]), np.zeros(y.shape[1:])
+    def _force(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array, Array, Array]:
+        """Strains eps, Gamma, and the force N in the axes of the cross-section."""
+        _, psi, kappa, strain, _ = y
+        d = self.turn * rod.offset
+        _, b1, b2, strainless = rod.shifted(c)
+        # The same as D cos psi - 1, without the difference of numbers near one.
+        eps = strain * np.cos(psi) - 2.0 * np.sin(psi / 2.0) ** 2 - d * kappa
+        Gamma = -(1.0 + strain) * np.sin(psi)
+        return eps, Gamma, b1 * eps + strainless, b2 * Gamma
 
-    @staticmethod
-    def _strained(rod: Rod, theta: Array, c: Array) -> tuple[Array, Array, Array, Array]:
-        """cos theta, sin theta and the strains eps, Gamma under the force X, Y."""
-        cos, sin = np.cos(theta), np.sin(theta)
-        return cos, sin, (c[0] * cos + c[1] * sin) / rod.b1, (c[1] * cos - c[0] * sin) / rod.b2
-
-
-class OnPulley:
-    """What stick and slip share: their unknowns are phi, theta, kappa, D, the last of them a constant in stick."""
-
-    def stretch(self, y: Array, c: Array) -> Array:
-        """The stretch D ``(...)``."""
-        return (*y, *c)[3] + np.zeros(y.shape[1:])
-
-    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
-        psi, D = y[1] - y[0], self.stretch(y, c)
-        return np.array([-D / rod.radius, y[2], rod.bending_rate(D * np.cos(psi) - 1.0, -D * np.sin(psi))])
-
-    def state(self, rod: Rod, y: Array, c: Array) -> Array:
-        (x, h), phi, D = rod.center, y[0], self.stretch(y, c)
-        return np.array([x - rod.radius * np.sin(phi), h + rod.radius * np.cos(phi), phi, y[1], y[2], D])
-
-    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
-        phi_rate, kappa, _, D_rate = *self.rate(rod, y, c), *np.zeros_like(c)
-        along, across = rod.force_rate(y[1] - y[0], self.stretch(y, c), (phi_rate, kappa, D_rate))
-        return -across, -along
-
-
-@dataclass(frozen=True)
-class Stick(OnPulley):
-    """Stick: unknowns phi, theta, kappa and the constant D (18.15)."""
-
-    kind: ClassVar[str] = "stick"
-    unknowns: ClassVar[int] = 3
-    constants: ClassVar[int] = 1
-
-
-@dataclass(frozen=True)
-class Slip(OnPulley):
-    """Sliding with f = -friction p: unknowns phi, theta, kappa, D. Backward sliding has a negative ``friction``."""
-
-    friction: float
-
-    kind: ClassVar[str] = "slip"
-    unknowns: ClassVar[int] = 4
-    constants: ClassVar[int] = 0
-
-    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
-        phi_rate, kappa, kappa_rate = super().rate(rod, y, c)
-        # Q'.t + friction Q'.n vanishes: what there is of it without D', and what each unit of D' adds.
-        along, across = rod.force_rate(y[1] - y[0], y[3], (phi_rate, kappa, 0.0))
-        along_D, across_D = rod.force_rate(y[1] - y[0], y[3], (0.0, 0.0, 1.0))
-        D_rate = -(along + self.friction * across) / (along_D + self.friction * across_D)
-        return np.array([phi_rate, kappa, kappa_rate, D_rate])
-
-    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
-        p, _ = super().tractions(rod, y, c)
-        return p, -self.friction * p
+    def _rates(self, rod: Rod, y: Array, c: Array, stretch_rate: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of the unknowns, pressure and friction, with a given rate of D."""
+        phi, psi, kappa, strain, _ = y
+        a, b1, b2, _ = rod.shifted(c)
+        d, D, theta = self.turn * rod.offset, 1.0 + strain, phi + psi
+        eps, Gamma, N1, N2 = self._force(rod, y, c)
+        cos, sin = np.cos(psi), np.sin(psi)
+        phi_rate = -self.turn * D / self.radius
+        psi_rate = kappa - phi_rate
+        w1 = rod.weight[0] * np.cos(theta) + rod.weight[1] * np.sin(theta)
+        w2 = rod.weight[1] * np.cos(theta) - rod.weight[0] * np.sin(theta)
+        # The rate of eps but for the part of bending, which the moment of friction about the middle line holds, too.
+        eps_rate = stretch_rate * cos - D * sin * psi_rate
+        kappa_rate = (Gamma * N1 - (1.0 + eps) * N2 + d * (b1 * eps_rate - kappa * N2 + w1)) / (a + b1 * d * d)
+        # N' + rho A g in the axes of the cross-section, which turn by kappa, and then along and across the fibre.
+        q1 = b1 * (eps_rate - d * kappa_rate) - kappa * N2 + w1
+        q2 = kappa * N1 - b2 * (stretch_rate * sin + D * cos * psi_rate) + w2
+        f, p = q2 * sin - q1 * cos, -self.turn * (q1 * sin + q2 * cos)
+        return np.array([phi_rate, psi_rate, kappa_rate, stretch_rate + 0.0 * phi, f]), p, f

@@ -1,106 +1,148 @@
-"""First guesses for Newton's iteration: the taut string, and a solution whose zones are divided in another way."""
+"""First guesses for Newton's iteration: the taut string, and a solution whose parts are divided in another way."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from belt_fenicsx.bvp.newton import COARSE, Discrete
-from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, placed_at, places
+from belt_fenicsx.bvp.newton import COARSE, Discrete, interpolated
+from belt_fenicsx.bvp.problem import Problem, placed_at
+from belt_fenicsx.bvp.system import Values
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.taut_string.string import TautString
+
+EMPTY = np.zeros((0, 0, 0))
 
 
-def guess(problem: Problem, scene: Scene, intervals: int = COARSE) -> Discrete:
-    """The taut string on a coarse mesh."""
-    rod, string = problem.rod, taut_string(scene)
-    assert string is not None, "a belt that is clear of the pulley is straight"
-    borders = string.borders if len(problem.zones) == 4 else string.borders[[0, 2]]
+def from_string(problem: Problem, scene: Scene, string: TautString, cells: int = COARSE) -> Discrete:
+    """The taut string over one pulley between clamps."""
+    borders = string.borders if len(problem.parts) == 4 else string.borders[[0, 2]]
     ends = np.array([-0.5, *borders, 0.5])
     strains = np.maximum(string.strain, LEAST_STRAIN)
-    forces = [
-        rod.b1 * strain * np.array([math.cos(angle), math.sin(angle)])
-        for strain, angle in zip(strains, string.angles[[0, -1]], strict=True)
-    ]
-    sticks = [[1.0 + strains[0]] for zone in problem.zones if zone.kind == "stick"]
-    p = np.concatenate([borders, forces[0], *sticks, forces[1]])
-    widths, mesh = problem.widths(p), np.linspace(0.0, 1.0, intervals + 1)
-    y = []
-    for i, (zone, part) in enumerate(zip(problem.zones, places(widths, mesh), strict=True)):
-        sigma = ends[i] + part * (ends[i + 1] - ends[i])
-        phi, D = string.phi(sigma), string.D(sigma)
-        if zone.kind == "free":
-            angle = string.angles[0 if i == 0 else -1]
-            y.append(np.array([*string.r(sigma).T, np.full_like(sigma, angle), np.zeros_like(sigma)]))
-        else:
-            y.append(np.array([phi, phi, -D / rod.radius, D][: zone.unknowns]))
-    return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
+    sticking = 1.0 + strains[0]
+
+    def unknowns(part: int, place: Array) -> Array:
+        sigma = ends[part] + place * (ends[part + 1] - ends[part])
+        zero = np.zeros_like(sigma)
+        if problem.parts[part].touches:
+            phi, D = string.phi(sigma), string.D(sigma)
+            D = np.full_like(D, sticking) if problem.parts[part].kind == "stick" else D
+            return np.array([phi, zero, -D / problem.on(part).radius[0, 0], D - 1.0, zero])
+        side = 0 if part == 0 else -1
+        angle, force = string.angles[side], problem.rod.b1 * strains[side]
+        return np.array(
+            [*string.r(sigma).T, zero + angle, zero, zero + force * math.cos(angle), zero + force * math.sin(angle)]
+        )
+
+    return guessed(problem, np.diff(ends), 1.0, np.zeros(0), unknowns, cells)
 
 
-def from_fields(problem: Problem, solution: Solution, intervals: int = COARSE) -> Discrete:
-    """The fields of a solution by any method, whose zones are those of the problem, on a coarse mesh."""
+def guessed(
+    problem: Problem,
+    lengths: Array,
+    rate: float,
+    moves: Array,
+    unknowns: Callable[[int, Array], Array],
+    cells: int = COARSE,
+) -> Discrete:
+    """A guess from functions along each part.
+
+    Args:
+        problem: The problem.
+        lengths: Lengths of the parts ``(parts,)``.
+        rate: Transport rate.
+        moves: Displacements of take-ups ``(take-ups,)``.
+        unknowns: Unknowns of a part ``(n, q)`` at places in [0, 1] of it ``(q,)``.
+        cells: Number of cells.
+    """
+    known = rate if problem.rate is None else problem.rate
+    values = Values((EMPTY, EMPTY), (EMPTY, EMPTY), lengths, known, moves)
+
+    def scaled(group: int, place: Array) -> Array:
+        own = problem.groups[group]
+        each = [unknowns(int(part), at) for part, at in zip(own.parts, place, strict=True)]
+        return own.scaled(np.stack(each, axis=1))
+
+    return interpolated(problem, cells, problem.widths(lengths), values, scaled)
+
+
+def from_fields(problem: Problem, solution: Solution, cells: int = COARSE) -> Discrete:
+    """The fields of a solution by any method, whose zones are those of the problem."""
     assert solution.fields is not None, "a solution with zones has fields"
-    _, units = solution.scene.dimensionless()
-    fields, mesh = solution.fields.in_units(units.inverse()), np.linspace(0.0, 1.0, intervals + 1)
-    borders = [zone.sigma[1] / units.length for zone in solution.zones[:-1]]
-    force = (fields.Q[:, 0] + 1j * fields.Q[:, 1]) * np.exp(1j * fields.theta)
-    constants = []
-    for i, zone in enumerate(problem.zones):
-        here = fields.zone == i
-        if zone.kind == "free":
+    scene, units = solution.scene.dimensionless()
+    fields, rod = solution.fields.in_units(units.inverse()), problem.rod
+    lengths = np.array([(zone.sigma[1] - zone.sigma[0]) / units.length for zone in solution.zones])
+    rate = solution.transport_rate / units.rate
+    G = rod.density * rate**2
+    N = fields.Q - rod.density * rate**2 * np.column_stack([1.0 + fields.eps, fields.Gamma])
+    force = (N[:, 0] + 1j * N[:, 1]) * np.exp(1j * fields.theta)
+
+    def unknowns(part: int, place: Array) -> Array:
+        here = fields.zone == part
+        sigma = fields.sigma[here]
+        at = sigma[0] + place * (sigma[-1] - sigma[0])
+
+        def of(values: Array) -> Array:
+            return np.interp(at, sigma, values[here])
+
+        if problem.parts[part].touches:
+            return np.array([of(fields.phi), of(fields.theta - fields.phi), of(fields.kappa), of(fields.D - 1.0), 0.0 * at])
+        if rod.weight == (0.0, 0.0):
             mean = np.average(force[here], weights=fields.weight[here])
-            constants += [mean.real, mean.imag]
-        elif zone.kind == "stick":
-            constants.append(np.average(fields.D[here], weights=fields.weight[here]))
-    p, y = np.array([*borders, *constants]), []
-    widths, ends = problem.widths(p), problem.borders(p)
-    for i, (zone, part) in enumerate(zip(problem.zones, places(widths, mesh), strict=True)):
-        here = fields.zone == i
-        sigma = ends[i] + part * (ends[i + 1] - ends[i])
-        names = (fields.x, fields.y) if zone.kind == "free" else (fields.phi,)
-        unknowns = (*names, fields.theta, fields.kappa, fields.D)[: zone.unknowns]
-        y.append(np.array([np.interp(sigma, fields.sigma[here], values[here]) for values in unknowns]))
-    return Discrete(widths=widths, mesh=mesh, y=problem.stacked(y), p=p)
+            X, Y = np.full_like(at, mean.real), np.full_like(at, mean.imag)
+        else:
+            X, Y = of(force.real), of(force.imag)
+        return np.array([of(fields.x), of(fields.y), of(fields.theta), of(fields.kappa), X, Y])
+
+    moves = np.array([contact.take_up / units.length for contact in solution.contacts])
+    moving = [index for index, pulley in enumerate(scene.pulleys) if pulley.take_up is not None]
+    return guessed(problem, lengths, rate, moves[moving], unknowns, cells)
 
 
-def divided(old: Problem, discrete: Discrete, new: Problem, borders: Array) -> Discrete:
-    """A solution as a guess for another order of zones on the pulley.
+def divided(old: Problem, discrete: Discrete, new: Problem, ends: Array) -> Discrete:
+    """A solution as a guess for other parts on the pulleys.
 
     Args:
         old: The problem that was solved.
         discrete: Its solution.
         new: The problem to solve.
-        borders: Borders of its zones on the pulley, both ends of the contact among them ``(len(new.zones) - 1,)``.
+        ends: Ends of its parts in the material-length coordinate ``(len(new.parts) + 1,)``.
     """
-    before = np.maximum.accumulate(old.borders(discrete.p))
-    sticks = [c for zone, _, c in old.parts(discrete.y, discrete.p) if zone.kind == "stick"]
-    spans = [old.parts(discrete.y, discrete.p)[end] for end in (FIRST, LAST)]
+    before = np.maximum.accumulate(discrete.ends)
+    spans = iter([i for i, part in enumerate(old.parts) if not part.touches])
+    same = {i: next(spans) for i, part in enumerate(new.parts) if not part.touches}
+    touching: dict[int, list[int]] = {}
+    for i, part in enumerate(old.parts):
+        if part.touches:
+            touching.setdefault(part.pulley, []).append(i)
 
-    def states(sigma: Array) -> Array:
-        """The state phi, theta, kappa, D at places in contact ``(4, m)``."""
-        index = np.clip(np.searchsorted(before, sigma) - 1, 1, len(old.zones) - 2)
-        result = np.empty((4, sigma.size))
+    def old_values(part: int, place: Array) -> Array:
+        """Unknowns of an old part at places of it ``(n, q)``."""
+        group, index = old.place[part]
+        which = int(group is old.contacts)
+        xi = placed_at(discrete.widths[part : part + 1], place[None])
+        return group.unscaled(discrete.between(which, np.repeat(xi, group.parts.size, axis=0)))[:, index]
+
+    def unknowns(part: int, place: Array) -> Array:
+        if part in same:
+            return old_values(same[part], place)
+        sigma = ends[part] + place * (ends[part + 1] - ends[part])
+        on = touching[new.parts[part].pulley]
+        index = np.clip(np.searchsorted(before, sigma) - 1, on[0], on[-1])
+        result = np.empty((5, sigma.size))
         for i in np.unique(index):
             here = index == i
-            place = np.clip((sigma[here] - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
-            xi = placed_at(discrete.widths[i : i + 1], place[None])[0]
-            zone, y, c = old.parts(discrete.between(xi), discrete.p)[i]
-            result[:, here] = zone.state(old.rod, y, c)[2:]
+            inside = np.clip((sigma[here] - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
+            result[:, here] = old_values(int(i), inside)
+        result[4] = 0.0
+        if new.parts[part].kind == "stick":
+            sticks = [i for i in on if old.parts[i].kind == "stick"]
+            result[3] = old_values(sticks[0], place[:1])[3, 0] if sticks else result[3, 0]
         return result
 
-    constants = [spans[0][2]]
-    for zone, D in zip(new.zones[1:-1], states(borders[:-1])[3], strict=True):
-        constants.append(sticks[0] if zone.kind == "stick" and sticks else np.full(zone.constants, D))
-    p = np.concatenate([borders, *constants, spans[1][2]])
-    widths = new.widths(p)
-    widths[[FIRST, LAST]] = discrete.widths[[FIRST, LAST]]
-    y = [spans[0][1]]
-    inside = places(widths[1:-1], discrete.mesh)
-    for zone, part, start, end in zip(new.zones[1:-1], inside, borders[:-1], borders[1:], strict=True):
-        y.append(states(start + part * (end - start))[: zone.unknowns])
-    y.append(spans[1][1])
-    return Discrete(widths=widths, mesh=discrete.mesh, y=new.stacked(y), p=p)
+    return guessed(new, np.diff(ends), discrete.values.c, discrete.values.moves, unknowns, discrete.cells)

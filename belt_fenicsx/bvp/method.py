@@ -23,7 +23,7 @@ from belt_fenicsx.bvp.guess import from_fields
 from belt_fenicsx.bvp.newton import COARSE, Refined
 from belt_fenicsx.bvp.reading import FIELDS, answer, field_errors, seen
 from belt_fenicsx.bvp.run import Run
-from belt_fenicsx.bvp.state import State, pose
+from belt_fenicsx.bvp.state import State
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.search.find import answers, find, layout_of, settle_from
@@ -34,7 +34,7 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
 METHOD = "bvp"
-MESHES = (COARSE, 8 * COARSE)  # Numbers of intervals of the meshes on which the layout is found.
+MESHES = (COARSE, 4 * COARSE)  # Numbers of cells of the meshes on which the layout is found.
 TOLERANCE = 1e-7  # The tolerance of the certificate is no smaller.
 CAREFUL = 1e-8  # A scene is refused by an answer of no less relative accuracy.
 
@@ -95,15 +95,12 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
     try:
         check_smooth(dimensionless)
         state = _find(run, initial)
-        contact, zones, fields = answer(state.problem, dimensionless, state.discrete, dimensionless.pulleys[0].omega)
         solution = replace(
             solution,
-            contacts=(contact,),
-            zones=zones,
-            fields=fields,
+            **answer(dimensionless, state.layout, state.problem, state.discrete),
             error_estimate=float(run.refinement.errors[0]),
             field_errors=field_errors(run.refinement.errors[1:]),
-            measures={"residual": state.discrete.residual},
+            measures={"residual": state.discrete.missed},
             state=state,
         ).in_units(scene, units)
         if not run.refinement.reached:
@@ -118,7 +115,7 @@ def _missed(run: Run) -> str:
     asked_for = "the torque" if run.scene.pulleys[0].drive.kind == "omega" else "omega"
     worst = int(np.argmax(run.refinement.errors / run.wanted))
     return (
-        f"On {run.refinement.discrete.mesh.size - 1} intervals, {(asked_for, *FIELDS)[worst]} has a relative error of "
+        f"On {run.refinement.discrete.cells} cells, {(asked_for, *FIELDS)[worst]} has a relative error of "
         f"{run.refinement.errors[worst]:.1g}, {run.wanted[worst]:.1g} is wanted. Give a larger `rtol`."
     )
 
@@ -130,13 +127,13 @@ def _find(run: Run, initial: Solution | None) -> State:
     to pure stick and pure slip, so may speeds and torques of other zones.
     """
     found: list[tuple[State, Refined]] = []
-    for intervals in MESHES:
-        run.intervals, run.end = intervals, None
+    for cells in MESHES:
+        run.cells, run.end = cells, None
         try:
             state = find(run, _warm(run, initial) or _cold(run))
         except Stopped as stopped:
             diverged = stopped.status is Status.NEWTON_DIVERGED
-            if not diverged or (not found and (stopped.final or intervals == MESHES[-1])):
+            if not diverged or (not found and (stopped.final or cells == MESHES[-1])):
                 raise
         else:
             found.append((state, run.refinement))
@@ -155,11 +152,11 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
     if initial is None or (layout := layout_of(run.scene, initial)) is None:
         run.stages.skipped("warm start", "no solution with the same zones was given")
         return None
-    problem = pose(run.scene, layout)
+    problem = run.pose(layout)
     if isinstance(initial.state, State):
-        near = initial.state.discrete.on(problem, run.intervals)
+        near = initial.state.discrete.on(problem, run.cells)
     else:
-        near = from_fields(problem, initial, run.intervals)
+        near = from_fields(problem, initial, run.cells)
     state = settle_from(run, State(layout, problem, near), "warm start", "from the given solution")
     if state is None or not answers(run, state):
         return None

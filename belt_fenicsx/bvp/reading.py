@@ -1,155 +1,226 @@
-"""What a discrete solution of the boundary-value problem says: is it plausible, its contact, zones and fields."""
+"""What a discrete solution of the boundary-value problem says: is it plausible, its contacts, zones and fields."""
 
 from __future__ import annotations
 
 import functools
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from scipy.integrate import trapezoid
-from scipy.interpolate import PPoly
 
-from belt_fenicsx.bvp.equations import Slip, Stick
+from belt_fenicsx.bvp.collocation import POINTS, WEIGHTS, inner
+from belt_fenicsx.bvp.equations import OnPulleys
 from belt_fenicsx.bvp.newton import Discrete
-from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, moment, placed_at, places
+from belt_fenicsx.bvp.problem import LAST, Problem, placed_at, places
+from belt_fenicsx.bvp.system import stretched
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
-from belt_fenicsx.scene.pulley import Slip as Sense
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.solution import Solution
 
-DENSE = 100  # intervals of each zone at least, for the fields
-SAMPLES = 97  # places in each zone at which the fields of two meshes are compared
+DENSE = 100  # Intervals of each part at least, for the fields.
+SAMPLES = 97  # Places in each part at which the fields of two meshes are compared.
 FIELDS = ("r", "theta", "D", "eps", "Gamma", "kappa", "Q", "p", "f", "v_rel")
-NO_FIELD = 1e-15  # largest value below which a field is nothing but rounding
-FINER = 16  # Pieces of each interval of the mesh in which a new joint is looked for.
-SAME_PLACE = 1e-12  # of coordinates that are the same but for rounding
+NO_FIELD = 1e-15  # Largest value below which a field is nothing but rounding.
+PIECES, FINER = 4, 32  # Pieces of each cell for samples; in which a new joint is looked for.
+STRAIN, FRICTION = 3, 4  # Indices of unknowns on a pulley.
 
 
-def plausible(problem: Problem, discrete: Discrete, doubt: float | None = None) -> bool:
-    """Whether a solution converged, with its borders in order and the belt pressed onto the pulley.
+def plausible(problem: Problem, layout: Layout, discrete: Discrete, doubt: float | None = None) -> bool:
+    """Whether a solution converged, with its joints in order and the belt pressed onto the pulleys.
 
-    The equations have solutions without any mechanical sense, too. Borders may be out of order by what is in doubt, by
+    The equations have solutions without any mechanical sense, too. Joints may be out of order by what is in doubt, by
     default what the mesh leaves.
     """
-    doubt, borders = discrete.doubt if doubt is None else doubt, problem.borders(discrete.p)
-    contact = borders[-2] - borders[1]
-    if not discrete.converged or contact <= 0.0 or np.any(np.diff(borders) <= -doubt * contact):
+    if not discrete.converged:
         return False
-    parts = problem.parts(discrete.y, discrete.p)
-    return all(np.all(zone.tractions(problem.rod, y, c)[0] > 0.0) for zone, y, c in parts if zone.kind != "free")
+    doubt, lengths = discrete.doubt if doubt is None else doubt, discrete.values.lengths
+    for index in layout.pulleys:
+        on = lengths[list(layout.on(index))]
+        if on.sum() <= 0.0 or np.any(on <= -doubt * on.sum()):
+            return False
+    if np.any(lengths[problem.spans.parts] <= 0.0):
+        return False
+    xi = np.tile(discrete.mesh, (problem.contacts.parts.size, 1))
+    return bool(np.all(table(problem, discrete, 1, xi)[6] > 0.0))
 
 
-def grip(problem: Problem, discrete: Discrete) -> tuple[float, float]:
+def table(problem: Problem, discrete: Discrete, group: int, xi: Array) -> Array:
+    """x, y, phi, theta, kappa, D, p, f of a group ``(8, parts, q)`` at coordinates of its parts ``(parts, q)``."""
+    own, values = problem.groups[group], discrete.values
+    equations = problem.moved(values.moves) if group else own.equations
+    return equations.fields(problem.rod, own.unscaled(discrete.between(group, xi)), np.asarray(values.c))
+
+
+def columns(problem: Problem, discrete: Discrete, xi: Array) -> Array:
+    """The same of all parts, the coordinate sigma first: ``(9, parts, q)`` for coordinates ``(parts, q)``."""
+    result = np.empty((9, *xi.shape))
+    inside, ends = places(discrete.widths, xi), discrete.ends
+    result[0] = ends[:-1, None] + discrete.values.lengths[:, None] * inside
+    for index, group in enumerate(problem.groups):
+        result[1:, group.parts] = table(problem, discrete, index, xi[group.parts])
+    return result
+
+
+def surface(problem: Problem, layout: Layout, discrete: Discrete, pulley: int) -> tuple[float, float]:
     """Stretch D and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
-    kinds = [zone.kind for zone in problem.zones]
-    if "stick" in kinds or len(kinds) > 3:
-        end = problem.parts(discrete.y[:, LAST], discrete.p)[kinds.index("stick") if "stick" in kinds else 1]
-        state = end[0].state(problem.rod, *end[1:])
-        return float(state[5]), float(state[0])
+    on = layout.on(pulley)
+    sticks = [i for i in on if layout.parts[i].kind == "stick"]
+    if sticks or len(on) > 1:
+        return _at(problem, discrete, sticks[0] if sticks else on[0], 1.0)
     # Where the belt slides all along, its slowest or fastest point tells how the pulley may turn.
-    slip, rows = problem.zones[1], problem.slices[1][0]
-    assert isinstance(slip, Slip), "what does not stick slides"
-    places = np.array([0.0])
-    if slip.friction != 0.0:
-        stretch = PPoly(discrete.between.c[:, :, rows][:, :, 3], discrete.between.x)
-        places = np.concatenate([[0.0, 1.0], stretch.derivative().roots(extrapolate=False)])
-    y = discrete.between(places)[rows]
-    nearest = int(np.argmin(np.copysign(1.0, slip.friction) * y[3]))
-    x, _, _, _, _, D = slip.state(problem.rod, y[:, nearest], np.empty(0))
-    return float(D), float(x)
+    (part,) = on
+    sense, smooth = layout.parts[part].sense, float(problem.on(part).slope[0, 0]) == 0.0
+    at = [0.0] if smooth else [0.0, 1.0, *_turns(problem, discrete, part)]
+    return min((_at(problem, discrete, part, xi) for xi in at), key=lambda found: sense * found[0])
 
 
-def speed(problem: Problem, discrete: Discrete) -> float:
-    """Angular velocity at which the pulley's surface moves with the belt in stick.
-
-    Where nothing sticks, it is the one that is nearest to it.
-    """
-    return grip(problem, discrete)[0] / problem.rod.radius
-
-
-def torque(problem: Problem, discrete: Discrete) -> float:
-    """Moment of the belt on the pulley."""
-    ends = (
-        (zone.state(problem.rod, y, c), sign)
-        for end, index, sign in ((FIRST, 1, 1.0), (LAST, -2, -1.0))
-        for zone, y, c in [problem.parts(discrete.y[:, end], discrete.p)[index]]
-    )
-    return float(sum(moment(problem.rod, sign)(state) for state, sign in ends))
+def _at(problem: Problem, discrete: Discrete, part: int, xi: float) -> tuple[float, float]:
+    """Stretch D and place x of the touching fibre at a coordinate of a part on a pulley."""
+    index = problem.place[part][1]
+    y = problem.contacts.unscaled(discrete.between(1, np.full((problem.contacts.parts.size, 1), xi)))[:, index, 0]
+    on = problem.moved(discrete.values.moves).of(index)
+    return float(1.0 + y[STRAIN]), float(on.center[0, 0, 0] - on.turn[0, 0] * on.radius[0, 0] * math.sin(y[0]))
 
 
-def columns(problem: Problem, discrete: Discrete, inside: Array) -> Array:
-    """Coordinate, state, pressure and friction at places inside of each zone.
-
-    Args:
-        problem: The problem.
-        discrete: Its solution.
-        inside: Places in the zones, as parts of them ``(len(zones), m)``.
-
-    Returns:
-        Rows sigma, x, y, phi, theta, kappa, D, p, f ``(9, len(zones), m)``.
-    """
-    borders, rows = problem.borders(discrete.p), []
-    coordinates = placed_at(discrete.widths, inside)
-    same = np.ptp(coordinates, axis=0).max() < SAME_PLACE
-    values = discrete.between(coordinates[0]) if same else None
-    for i, xi in enumerate(coordinates):
-        zone, y, c = problem.parts(discrete.between(xi) if values is None else values, discrete.p)[i]
-        sigma = (1.0 - inside[i]) * borders[i] + inside[i] * borders[i + 1]
-        rows.append(np.vstack([sigma, zone.state(problem.rod, y, c), *zone.tractions(problem.rod, y, c)]))
-    return np.stack(rows, axis=1)
+def _turns(problem: Problem, discrete: Discrete, part: int) -> list[float]:
+    """Coordinates at which the stretch of a part is stationary."""
+    rates = discrete.values.K[1][STRAIN, problem.place[part][1]]
+    found = []
+    for cell, rate in enumerate(rates):
+        roots = np.roots(np.polynomial.Polynomial.fit(POINTS, rate, POINTS.size - 1).convert().coef[::-1])
+        real = roots.real[np.abs(roots.imag) < 1e-12]
+        found += [(cell + tau) / discrete.cells for tau in real if 0.0 <= tau <= 1.0]
+    return found
 
 
-def samples(problem: Problem, discrete: Discrete, pieces: int = 1) -> Samples:
-    """What a solution says about its layout, from the nodes of its mesh or, if more than one, so many pieces of it."""
-    xi, ends = discrete.finer(pieces), problem.borders(discrete.p)
-    parts: list[Sample | None] = []
-    values = discrete.y if pieces == 1 else discrete.between(xi)
-    inside = zip(pairwise(ends), places(discrete.widths, xi), strict=True)
-    for (zone, y, c), ((start, end), part) in zip(problem.parts(values, discrete.p), inside, strict=True):
-        if zone.kind == "free":
+def torque(problem: Problem, layout: Layout, discrete: Discrete, pulley: int) -> float:
+    """Moment of the belt on a pulley."""
+    total = sum(_friction(problem, discrete, part) for part in layout.on(pulley))
+    return float(-problem.on(layout.on(pulley)[0]).radius[0, 0] * total)
+
+
+def _friction(problem: Problem, discrete: Discrete, part: int) -> float:
+    return float(discrete.values.z[1][FRICTION, problem.place[part][1], LAST] / problem.contacts.units[FRICTION])
+
+
+def pressures(problem: Problem, discrete: Discrete) -> Array:
+    """Integrals of the pressure over the parts on pulleys ``(parts of the group,)``."""
+    group, values = problem.contacts, discrete.values
+    y = group.unscaled(inner(values.z[1], values.K[1]))
+    equations = problem.moved(values.moves)
+    p, _ = equations.tractions(problem.rod, y.reshape(*y.shape[:2], -1), np.asarray(values.c))
+    g = stretched(discrete.mesh, discrete.widths)[group.parts]
+    return values.lengths[group.parts] * np.einsum("pcs,pcs,s->p", p.reshape(y.shape[1:]), g, WEIGHTS)
+
+
+def transport_rate(problem: Problem, layout: Layout, discrete: Discrete) -> float:
+    """The transport rate c."""
+    if problem.giving is None:
+        return discrete.values.c
+    pulley, speed = problem.giving
+    return speed / surface(problem, layout, discrete, pulley)[0]
+
+
+def samples(problem: Problem, layout: Layout, discrete: Discrete, pieces: int = PIECES) -> Samples:
+    """What a solution says about its layout, from so many pieces of each cell of its mesh."""
+    xi = np.linspace(0.0, 1.0, pieces * discrete.cells + 1)
+    count = problem.contacts.parts.size
+    found = table(problem, discrete, 1, np.tile(xi, (count, 1)))
+    y = problem.contacts.unscaled(discrete.between(1, np.tile(xi, (count, 1))))
+    inside, ends = places(discrete.widths, xi), discrete.ends
+    equations, parts = problem.moved(discrete.values.moves), []
+    for i, part in enumerate(problem.parts):
+        if not part.touches:
             parts.append(None)
             continue
-        (x, _, _, _, _, D), (p, f) = zone.state(problem.rod, y, c), zone.tractions(problem.rod, y, c)
-        keeping = functools.partial(_keeping_friction, problem, y, D)
-        parts.append(Sample(sigma=start + (end - start) * part, x=x, p=p, f=f, D=D, keeping=keeping))
-    pressure = sum(float(trapezoid(part.p, part.sigma)) for part in parts if part is not None)
-    stretch, place = grip(problem, discrete)
+        at = problem.place[i][1]
+        x, _, _, _, _, D, p, f = found[:, at]
+        keeping = functools.partial(_keeping, problem, equations.of(at), y[:, at], discrete.values.c)
+        sigma = ends[i] + discrete.values.lengths[i] * inside[i]
+        parts.append(Sample(sigma=sigma, x=x, p=p, f=f, D=D, keeping=keeping))
+    pressure = pressures(problem, discrete)
+    resultants = []
+    for index in layout.pulleys:
+        on = layout.on(index)
+        stretch, place = surface(problem, layout, discrete, index)
+        total = float(sum(pressure[problem.place[i][1]] for i in on))
+        resultants.append(Resultants(stretch, place, total, sum(_friction(problem, discrete, i) for i in on)))
     return Samples(
         ends=ends,
         parts=tuple(parts),
-        pulleys=(Resultants(stretch, place, pressure, -torque(problem, discrete) / problem.rod.radius),),
-        finer=functools.partial(samples, problem, discrete, FINER) if pieces == 1 else None,
+        pulleys=tuple(resultants),
+        finer=functools.partial(samples, problem, layout, discrete, FINER) if pieces == PIECES else None,
+        rate=transport_rate(problem, layout, discrete),
     )
 
 
-def _keeping_friction(problem: Problem, y: Array, D: Array) -> Array:
+def _keeping(problem: Problem, equations: OnPulleys, y: Array, c: float) -> Array:
     """Friction that would keep the stretch."""
-    return Stick().tractions(problem.rod, y[:3], D[None])[1]
+    return equations.keeping(problem.rod, y[:, None], np.asarray(c))[0]
 
 
-def changes(scene: Scene, problem: Problem, before: Discrete, after: Discrete) -> Array:
-    """How far two solutions of a dimensionless scene differ: in what is asked for, and in each of the `FIELDS`.
-
-    What is asked for is the angular velocity, relatively; where it is given, the torque, relative to the radius times
-    the tension.
-    """
+def changes(scene: Scene, layout: Layout, problem: Problem, before: Discrete, after: Discrete) -> Array:
+    """How far two solutions of a dimensionless scene differ: in what is asked for, and in each of the `FIELDS`."""
     inside = places(after.widths, np.linspace(0.0, 1.0, SAMPLES))
-    omega, asked, kinds = scene.pulleys[0].omega, [], []
-    tension = np.hypot(*after.p[problem.slices[0][1]])
+    asked, kinds = [], []
     for discrete in (before, after):
-        D = grip(problem, discrete)[0]
-        asked.append(math.log(abs(D)) if omega is None else torque(problem, discrete) / (problem.rod.radius * tension))
-        _, x, y, phi, theta, kappa, stretch, p, f = columns(problem, discrete, inside)
-        eps, Gamma = stretch * np.cos(theta - phi) - 1.0, -stretch * np.sin(theta - phi)
-        v_rel = stretch - (D if omega is None else problem.rod.radius * omega)
+        asked.append(_asked(scene, layout, problem, discrete))
+        _, x, y, phi, theta, kappa, D, p, f = columns(problem, discrete, placed_at(discrete.widths, inside))
+        psi, offset = theta - phi, _offsets(problem)[:, None]
+        eps, Gamma = D * np.cos(psi) - offset * kappa - 1.0, -D * np.sin(psi)
         Q = np.stack([problem.rod.b1 * eps, problem.rod.b2 * Gamma])
-        kinds.append((np.stack([x, y]), theta, stretch, eps, Gamma, kappa, Q, p, f, v_rel))
+        v_rel = (D * transport_rate(problem, layout, discrete) - _speeds(scene, layout, problem, discrete))[problem.contacts.parts]
+        kinds.append((np.stack([x, y]), theta, D, eps, Gamma, kappa, Q, p, f, v_rel))
     errors = [np.max(np.abs(b - a)) / max(np.max(np.abs(b)), NO_FIELD) for a, b in zip(*kinds, strict=True)]
-    return np.array([abs(asked[1] - asked[0]), *errors])
+    return np.array([float(np.max(np.abs(asked[1] - asked[0]))), *errors])
+
+
+def _asked(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -> Array:
+    """What is asked for: logarithms of speeds, and torques relative to the radius times the tension.
+
+    Of one pulley between clamps, it is the speed or, where that is given, the torque.
+    """
+    values = []
+    for index, pulley in enumerate(scene.pulleys):
+        moment = torque(problem, layout, discrete, index) / (pulley.radius * problem.tension)
+        speed = math.log(abs(surface(problem, layout, discrete, index)[0]))
+        if scene.is_published:
+            return np.array([speed if pulley.omega is None else moment])
+        values += [speed, moment]
+    return np.array([*values, math.log(abs(transport_rate(problem, layout, discrete))), *discrete.values.moves])
+
+
+def _offsets(problem: Problem) -> Array:
+    """Offset d of the middle line from the fibre that fields on the parts are of ``(parts,)``."""
+    offsets = np.zeros(len(problem.parts))
+    for part in problem.contacts.parts:
+        offsets[part] = problem.rod.offset * problem.on(int(part)).turn[0, 0]
+    return offsets
+
+
+def speeds(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -> tuple[float, ...]:
+    """Angular velocity of each pulley: the given one, or that at which its surface moves with the belt in stick.
+
+    Where nothing sticks, it is the one that is nearest to it.
+    """
+    rate = transport_rate(problem, layout, discrete)
+    return tuple(
+        pulley.drive.by("omega")
+        if pulley.drive.kind == "omega"
+        else rate * surface(problem, layout, discrete, index)[0] / pulley.radius
+        for index, pulley in enumerate(scene.pulleys)
+    )
+
+
+def _speeds(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -> Array:
+    """Surface speed of the pulley under each part, zero in a free one ``(parts, 1)``."""
+    omegas = speeds(scene, layout, problem, discrete)
+    return np.array([[scene.pulleys[p.pulley].radius * omegas[p.pulley] if p.touches else 0.0] for p in layout.parts])
 
 
 def field_errors(errors: Array) -> dict[str, float]:
@@ -158,40 +229,53 @@ def field_errors(errors: Array) -> dict[str, float]:
     return {**named, "M": named["kappa"]}
 
 
-def answer(
-    problem: Problem, scene: Scene, discrete: Discrete, omega: float | None = None
-) -> tuple[Contact, tuple[Zone, ...], Fields]:
-    """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
-    xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
-    table, zones = columns(problem, discrete, places(discrete.widths, xi)), []
-    for i, zone in enumerate(problem.zones):
-        sense: Sense | None = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
-        (start, end), x = table[0, i, [FIRST, LAST]].tolist(), table[1, i, [FIRST, LAST]].tolist()
-        zones.append(Zone(kind=zone.kind, slip=sense, sigma=(start, end), x=(x[0], x[1])))
-    index = np.repeat(np.arange(len(zones)), xi.size)
-    sigma, x, y, phi, theta, kappa, D, pressure, friction = table.reshape(9, -1)
-    omega = speed(problem, discrete) if omega is None else omega
+def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -> dict[str, Any]:
+    """Zones, fields and what else a dimensionless solution has, as its arguments."""
+    tau, weight = _inside(discrete.cells)
+    xi = np.append((np.arange(discrete.cells)[:, None] + tau).ravel() / discrete.cells, 1.0)
+    found, zones = columns(problem, discrete, np.tile(xi, (len(layout.parts), 1))), []
+    for i, part in enumerate(layout.parts):
+        (start, end), (x_start, x_end) = found[0, i, [0, -1]].tolist(), found[1, i, [0, -1]].tolist()
+        if part.touches:
+            x_start, x_end = (_at(problem, discrete, i, at)[1] for at in (0.0, 1.0))
+        zones.append(
+            Zone(
+                kind=part.kind, slip=part.slip, sigma=(start, end), x=(x_start, x_end),
+            )
+        )  # fmt: skip
+    rate, omegas = transport_rate(problem, layout, discrete), speeds(scene, layout, problem, discrete)
+    # The rule of the collocation, which gives the integrals that its equations hold.
+    g = np.zeros((len(layout.parts), discrete.cells, tau.size))
+    g[:, :, weight > 0.0] = stretched(discrete.mesh, discrete.widths) * WEIGHTS
+    weights = np.append(g.reshape(len(g), -1), np.zeros((len(g), 1)), axis=1) * discrete.values.lengths[:, None]
+    sigma, x, y, phi, theta, kappa, D, p, f = found.reshape(9, -1)
+    v_rel = rate * found[6] - _speeds(scene, layout, problem, discrete)
     fields = Fields.from_state(
         scene.belt,
-        zone=index,
+        zone=np.repeat(np.arange(len(zones)), xi.size),
         sigma=sigma,
         r=np.column_stack([x, y]),
         theta=theta,
         phi=phi,
         D=D,
         kappa=kappa,
-        p=pressure,
-        f=friction,
-        v_rel=D - problem.rod.radius * omega,
+        p=p,
+        f=f,
+        v_rel=v_rel.ravel(),
+        weight=weights.ravel(),
     )
-    contact = Contact.from_zones(
-        tuple(zones[1:-1]),
-        scene.pulleys[0],
-        omega=omega,
-        torque=torque(problem, discrete),
-        y=(float(table[2, 1, FIRST]), float(table[2, -2, LAST])),
-    )
-    return contact, tuple(zones), fields
+    torques = tuple(torque(problem, layout, discrete, index) for index in range(len(scene.pulleys)))
+    from belt_fenicsx.solution.contact import Contact
+    contact = Contact.from_zones(tuple(zones[1:-1]), scene.pulleys[0], omega=omegas[0], torque=torques[0], y=(float(found[2, 1, 0]), float(found[2, -2, -1])))
+    return dict(contacts=(contact,), zones=tuple(zones), fields=fields)
+
+
+def _inside(cells: int) -> tuple[Array, Array]:
+    """Places in a cell at which fields are given, and their weights: its start, its Gauss points, and some between."""
+    between = max(1, math.ceil(DENSE / cells / (POINTS.size + 1)))
+    ends = np.concatenate([[0.0], POINTS, [1.0]])
+    tau = np.unique(np.concatenate([np.linspace(*pair, between + 1)[:-1] for pair in pairwise(ends)]))
+    return tau, np.where(np.isin(tau, POINTS), 1.0, 0.0)
 
 
 def seen(solution: Solution) -> str:

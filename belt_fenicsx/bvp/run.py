@@ -15,11 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.bvp.guess import divided, guess
-from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, Discrete, Refined, Work, refined, rounding
+from belt_fenicsx.bvp.guess import divided, from_string
+from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, ROUNDING, Discrete, Refined, Work, refined
+from belt_fenicsx.bvp.problem import Problem
 from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
@@ -30,7 +32,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
 CONTINUATIONS = (
@@ -40,7 +42,7 @@ CONTINUATIONS = (
     ("a", (10.0, 3.0, 1.0)),
 )
 SHORTEST = 1e-6  # At least this part of the contact sticks, or slides, in a first guess.
-FINE, FINELY = 96, 1e-10  # Intervals, and the end of Newton's iteration, for the comparison with a limit.
+FINE, FINELY = 32, 1e-10  # Cells, and the end of Newton's iteration, for the comparison with a limit.
 FIELD, FINEST_FIELD = 1e4, 1e-8  # A field may have this error, over that of omega, and at least.
 NOTHING = 1e-12  # A part that is no longer, in belt lengths, has shrunk to nothing.
 BROKEN = 1e-8  # A bound is broken where it is exceeded by this, relative to the largest one.
@@ -56,7 +58,7 @@ class Run:
         units: Its units, for messages.
         rtol: Wanted relative accuracy of what is asked for.
         find_zones: Whether the layout may change.
-        intervals: Of the coarse mesh.
+        cells: Of the coarse mesh.
         stages: What was done so far.
         work: What may still be spent, by this run and by those that it starts.
         end: The last refinement; None before the first one.
@@ -67,11 +69,28 @@ class Run:
     units: Units
     rtol: float = 1e-8
     find_zones: bool = True
-    intervals: int = COARSE
+    cells: int = COARSE
     stages: Stages = field(default_factory=Stages)
     work: Work = field(default_factory=Work)
     end: Refined | None = None
     positive: bool = False
+
+    @functools.cached_property
+    def string(self) -> TautString:
+        """The taut string over one pulley."""
+        string = taut_string(self.scene)
+        assert string is not None, "a belt that is clear of the pulley is straight"
+        return string
+
+    @functools.cached_property
+    def tension(self) -> float:
+        """Typical force of the belt."""
+        return self.scene.belt.extensional_stiffness * max(float(self.string.strain.max()), LEAST_STRAIN)
+
+    @property
+    def winding(self) -> float:
+        """Angle by which a loop turns."""
+        return 0.0
 
     @property
     def wanted(self) -> Array:
@@ -90,8 +109,12 @@ class Run:
 
     def transfer(self, state: State, layout: Layout, ends: Array) -> State:
         """A state as a first guess on a layout whose parts have about these ends."""
-        problem = pose(self.scene, layout)
-        return State(layout, problem, divided(state.problem, state.discrete, problem, ends[1:-1]))
+        problem = self.pose(layout)
+        return State(layout, problem, divided(state.problem, state.discrete, problem, ends))
+
+    def pose(self, layout: Layout) -> Problem:
+        """The equations of a layout."""
+        return pose(self.scene, layout, self.tension, self.winding)
 
     def converge(self, start: State, stage: str, why: str) -> State:
         """Newton's iteration from a first guess; adds a stage.
@@ -100,7 +123,7 @@ class Run:
             Stopped: It does not converge.
         """
         # Parts next to nothing need all digits, once the mesh is fine enough to tell.
-        tolerance = NEWTON if self.end is None else rounding(start.problem, start.discrete.mesh.size)
+        tolerance = NEWTON if self.end is None else ROUNDING
         discrete = self.work.newton(start.problem, start.discrete, tolerance, stage, positive=self.positive)
         self.stages.ran(stage, why, discrete.iterations)
         if not discrete.converged:
@@ -109,13 +132,13 @@ class Run:
 
     def sharpen(self, state: State, why: str) -> State:
         """The same state on a mesh that is fine enough to compare it with a limit."""
-        intervals = max(FINE, state.discrete.mesh.size - 1)
-        fine = self.work.newton(state.problem, state.discrete.on(state.problem, intervals), FINELY, why)
+        cells = max(FINE, state.discrete.cells)
+        fine = self.work.newton(state.problem, state.discrete.on(state.problem, cells), FINELY, why)
         return replace(state, discrete=fine)
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a mechanical sense."""
-        return plausible(state.problem, state.discrete)
+        return plausible(state.problem, state.layout, state.discrete)
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -127,10 +150,9 @@ class Run:
             return None
         if self.end is not None:
             # What the first mesh left in doubt shows here; but not in a state without a mechanical sense.
-            calm = plausible(state.problem, state.discrete, DOUBT) and meets(self, state)
+            calm = plausible(state.problem, state.layout, state.discrete, DOUBT) and meets(self, state)
             return Tolerances(shrunk=NOTHING, bound=BROKEN, sense=BROKEN) if calm else None
-        borders = state.problem.borders(state.discrete.p)
-        doubt = state.discrete.doubt * float(borders[-2] - borders[1])
+        doubt = state.discrete.doubt * float(state.discrete.values.lengths[state.problem.contacts.parts].sum())
         return Tolerances(shrunk=-doubt, bound=BROKEN, sense=SLACK)
 
     def refine(self, state: State) -> State | None:
@@ -142,11 +164,11 @@ class Run:
         if self.end is not None and self.end.discrete is state.discrete:
             return None
         # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
-        closer = CLOSER if self.scene.pulleys[0].drive.kind == "x_trans" else 0.0
-        change = functools.partial(changes, self.scene)
+        closer = CLOSER if self.scene.pulleys[0].drive.is_place else 0.0
+        change = functools.partial(changes, self.scene, state.layout)
         self.end = refined(state.problem, state.discrete, change, self.wanted, self.work, closer=closer)
         fine = self.end.discrete
-        self.stages.ran("refinement", f"to {fine.mesh.size - 1} intervals in each zone", self.end.iterations)
+        self.stages.ran("refinement", f"to {fine.cells} cells in each part", self.end.iterations)
         if not fine.converged:
             raise Stopped(Status.NEWTON_DIVERGED, f"The finest mesh leaves {unsolved(fine)}.")
         return replace(state, discrete=fine)
@@ -158,11 +180,12 @@ class Run:
             SceneError: Stick cannot end at this place.
             Stopped: There is none.
         """
-        if (string := taut_string(self.scene)) and string.slack:
+        string = self.string
+        if string.slack:
             raise Stopped(Status.CONTACT_LOST, string.slack, final=True)
         layout = posed(self.scene)
-        problem = pose(self.scene, layout)
-        first = State(layout, problem, guess(problem, self.scene, self.intervals))
+        problem = self.pose(layout)
+        first = State(layout, problem, from_string(problem, self.scene, string, self.cells))
         if (state := settle_from(self, first, "taut string", "no plausible solution yet")) is not None:
             self.stages.skipped("continuation", "the first guess sufficed")
             return state
@@ -184,16 +207,17 @@ class Run:
         Raises:
             Stopped: None of the ways converges.
         """
-        problem, iterations = pose(self.scene, layout), 0
+        problem, iterations = self.pose(layout), 0
         for stiffness, factors in CONTINUATIONS:
-            coarse, value = guess(problem, self.scene, self.intervals), getattr(problem.rod, stiffness)
+            coarse = from_string(problem, self.scene, self.string, self.cells)
+            value = getattr(problem.rod, stiffness)
             for factor in factors:
                 rod = replace(problem.rod, **{stiffness: factor * value})
                 coarse = self.work.newton(replace(problem, rod=rod), coarse, NEWTON, "continuation", positive=True)
                 iterations += coarse.iterations
                 if not coarse.converged:
                     break
-            if plausible(problem, coarse):
+            if plausible(problem, layout, coarse):
                 break
         self.stages.ran("continuation", "the first guess did not lead to a plausible solution", iterations)
         if not coarse.converged:
@@ -203,4 +227,4 @@ class Run:
 
 def unsolved(discrete: Discrete) -> str:
     """What is left of the equations."""
-    return f"a residual of {discrete.residual:.1g} on {discrete.mesh.size - 1} intervals"
+    return f"a step of {discrete.missed:.1g} on {discrete.cells} cells"

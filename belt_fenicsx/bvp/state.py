@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from belt_fenicsx.bvp.equations import Free, Rod, Slip, Stick, ZoneEquations
+import numpy as np
+
+from belt_fenicsx.bvp.equations import Free, OnPulleys, Rod
 from belt_fenicsx.bvp.newton import Discrete
-from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, Problem, component, moment, onset
+from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, End, Group, Joining, Problem, TakeUp
 from belt_fenicsx.bvp.reading import samples
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE, Layout
-from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.layout.revision import Samples
+from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
-D = 5  # Index of the stretch among the components of a state.
+PHI, STRAIN, FRICTION = 0, 3, 4  # Indices of unknowns on a pulley.
 
 
 @dataclass(frozen=True)
@@ -29,40 +33,168 @@ class State:
     @functools.cached_property
     def samples(self) -> Samples:
         """What it says about its layout."""
-        return samples(self.problem, self.discrete)
+        return samples(self.problem, self.layout, self.discrete)
 
 
-def pose(scene: Scene, layout: Layout | None = None) -> Problem:
-    """The boundary-value problem of a dimensionless scene, with the layout that it asks for if not another."""
-    (pulley,), belt, layout = scene.pulleys, scene.belt, layout or posed(scene)
+def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> Problem:
+    """The boundary-value problem of a dimensionless scene on a layout.
+
+    Args:
+        scene: The scene.
+        layout: The layout.
+        tension: Typical force of the belt.
+        winding: Angle by which a loop turns, from its first run-up round to it again.
+    """
+    belt, parts = scene.belt, layout.parts
     rod = Rod(
         a=belt.bending_stiffness,
         b1=belt.extensional_stiffness,
         b2=belt.shear_stiffness,
-        radius=pulley.radius,
-        center=pulley.center,
+        density=belt.line_density,
+        inertia=belt.rotary_inertia,
+        weight=(belt.line_density * scene.gravity[0], belt.line_density * scene.gravity[1]),
+        offset=belt.contact_offset,
     )
-    of_kind: dict[str, ZoneEquations] = {"free": Free(), "stick": Stick()}
-    zones = tuple(of_kind.get(part.kind) or Slip(part.sense * pulley.friction) for part in layout.parts)
-    return Problem(rod, scene.span, zones, tuple(_conditions(scene, layout, rod)))
+    radius, giving = min(pulley.radius for pulley in scene.pulleys), _giving(scene, layout)
+    spans = [i for i, part in enumerate(parts) if not part.touches]
+    touching = [i for i, part in enumerate(parts) if part.touches]
+    joinings = [Joining(i, i + 1) for i in range(len(parts) - 1)]
+    if layout.closed:
+        joinings.append(Joining(len(parts) - 1, 0, winding))
+    return Problem(
+        rod=rod,
+        parts=parts,
+        spans=Group(Free(), np.array(spans), np.array([1.0, 1.0, 1.0, radius, 1.0 / tension, 1.0 / tension])),
+        contacts=Group(
+            _on_pulleys(scene, layout, touching),
+            np.array(touching),
+            np.array([1.0, rod.b2 / tension, radius, rod.b1 / tension, 1.0 / tension]),
+        ),
+        clamps=None if layout.closed else scene.ends,
+        joinings=tuple(joinings),
+        conditions=tuple(_conditions(scene, layout, rod)),
+        take_ups=tuple(
+            TakeUp(_unit(pulley.take_up), tuple(layout.on(index)))
+            for index, pulley in enumerate(scene.pulleys)
+            if pulley.take_up is not None
+        ),
+        rate=scene.transport_rate if scene.transport_rate is not None else None if _has_inertia(scene) else 0.0,
+        giving=None if giving is None else (giving, scene.pulleys[giving].surface_speed),
+        tension=tension,
+    )
+
+
+def _on_pulleys(scene: Scene, layout: Layout, touching: Sequence[int]) -> OnPulleys:
+    """Equations of the parts on pulleys."""
+    parts = [layout.parts[i] for i in touching]
+    pulleys = [scene.pulleys[part.pulley] for part in parts]
+    return OnPulleys(
+        radius=np.array([[pulley.radius] for pulley in pulleys]),
+        center=np.array([[[pulley.center[axis]] for pulley in pulleys] for axis in (0, 1)]),
+        turn=np.array([[pulley.turn] for pulley in pulleys]),
+        slope=np.array([[part.sense * pulley.friction] for part, pulley in zip(parts, pulleys, strict=True)]),
+        slides=np.array([[float(part.kind == "slip")] for part in parts]),
+    )
+
+
+def _has_inertia(scene: Scene) -> bool:
+    """Whether forces depend on the transport rate."""
+    return scene.belt.line_density > 0.0 or scene.belt.rotary_inertia > 0.0
+
+
+def _unit(direction: tuple[float, float]) -> tuple[float, float]:
+    length = math.hypot(*direction)
+    return direction[0] / length, direction[1] / length
+
+
+def _giving(scene: Scene, layout: Layout) -> int | None:
+    """The pulley whose speed gives the transport rate where no force depends on it; None elsewhere.
+
+    It is the first one whose speed is given, and where the belt leaves it.
+    """
+    if scene.transport_rate is not None or _has_inertia(scene):
+        return None
+    return next(i for i, p in enumerate(scene.pulleys) if p.drive.kind == "omega" and layout.slides_behind(i))
 
 
 def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
-    """One condition for each joint of parts on a pulley; tangency is a part of what is continuous."""
-    (pulley,), (speed,), on, transition = scene.pulleys, layout.speeds, layout.on(0), layout.transition(0)
-    for i, joint in enumerate(layout.joints):
-        before, after = layout.parts[i], layout.parts[i + 1]
-        if joint.equation == "coulomb":
-            # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
-            sense = -after.sense if joint.side == BEFORE else before.sense
-            yield Condition(((i, LAST, onset(rod, Slip(sense * pulley.friction))),))
-        elif joint.equation == "x":
-            yield Condition(((i, LAST, component(0)),), pulley.drive.by("x_trans"))
-        elif joint.equation == "speed":
-            yield Condition(((i, LAST, component(D)),), rod.radius * pulley.drive.by("omega"))
-        elif joint.equation == "stretch" and i != transition:
-            yield Condition(((i, LAST, component(D)), (transition, LAST, component(D, -1.0))))
-    if speed.equation == "torque":
-        # It takes the place of the stretch at the transition, which is that in stick already.
-        ends = (on[0], FIRST, moment(rod, 1.0)), (on[-1], LAST, moment(rod, -1.0))
-        yield Condition(ends, pulley.drive.by("torque"))
+    """One condition for each joint of parts on a pulley, and one for each take-up."""
+    giving = _giving(scene, layout)
+    for index, pulley in enumerate(scene.pulleys):
+        on, transition = layout.on(index), layout.transition(index)
+        for i in on[:-1]:
+            joint, before, after = layout.joints[i], layout.parts[i], layout.parts[i + 1]
+            if joint.equation == "coulomb":
+                # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
+                sense = -after.sense if joint.side == BEFORE else before.sense
+                end = (i, LAST) if before.kind == "stick" else (i + 1, FIRST)
+                yield Condition((end,), functools.partial(_onset, rod, np.array([[sense * pulley.friction]])))
+            elif i != transition:
+                yield Condition(((i, LAST), (transition, LAST)), _stretch_differs)
+            elif index != giving and joint.equation != "loop":
+                yield _drive(scene, layout, index, giving)
+        if pulley.take_up is not None:
+            ends = ((on[0], FIRST), *((i, LAST) for i in on))
+            yield Condition(ends, functools.partial(_pushed, rod, _unit(pulley.take_up), pulley.force))
+
+
+def _onset(rod: Rod, slope: Array, ends: Sequence[End], c: Array) -> Array:
+    (end,) = ends
+    assert isinstance(end.equations, OnPulleys)
+    return end.equations.onset(rod, end.y, c, slope)
+
+
+def _stretch_differs(ends: Sequence[End], c: Array) -> Array:
+    return ends[0].y[STRAIN] - ends[1].y[STRAIN]
+
+
+def _pushed(rod: Rod, direction: tuple[float, float], force: float, ends: Sequence[End], c: Array) -> Array:
+    """Hub load along the direction of a take-up, and the force that pushes it there."""
+    first, last = (end.equations.joined(rod, end.y, c) for end in (ends[0], ends[-1]))
+    length = sum(end.length for end in ends[1:])
+    x, y = (last[i + 4] - first[i + 4] + rod.weight[i] * length for i in (0, 1))
+    return direction[0] * x + direction[1] * y + force
+
+
+def _drive(scene: Scene, layout: Layout, index: int, giving: int | None) -> Condition:
+    """The condition of what drives a pulley."""
+    pulley, on, transition = scene.pulleys[index], layout.on(index), layout.transition(index)
+    drive, radius = pulley.drive, pulley.radius
+    given_speed = None if giving is None else scene.pulleys[giving].surface_speed
+    # Last, the ends where the stretch is that in stick on this pulley and on the one that gives the transport rate.
+    speeds = ((transition, LAST), (transition if giving is None else layout.transition(giving), LAST))
+
+    def speed(ends: Sequence[End], c: Array) -> Array:
+        """The pulley's angular velocity."""
+        if given_speed is not None:
+            c = given_speed / (1.0 + ends[-1].y[STRAIN])
+        return c * (1.0 + ends[-2].y[STRAIN]) / radius
+
+    match drive.kind:
+        case "x_trans":
+            return Condition(((transition + 1, FIRST),), functools.partial(_placed, drive.by("x_trans")))
+        case "slip_angle":
+            ends = ((transition + 1, FIRST), (on[-1], LAST))
+            return Condition(ends, functools.partial(_slides_along, pulley, drive.by("slip_angle")))
+        case "omega":
+            return Condition(speeds, lambda ends, c: speed(ends, c) - drive.by("omega"))
+        case _:
+            frictions = tuple((i, LAST) for i in on)
+
+            def torque(ends: Sequence[End], c: Array) -> Array:
+                given = drive.by("torque") + (drive.drag * speed(ends, c) if drive.drag else 0.0)
+                return -radius * sum(end.y[FRICTION] for end in ends[:-2]) - given
+
+            return Condition((*frictions, *speeds), torque)
+
+
+def _placed(x: float, ends: Sequence[End], c: Array) -> Array:
+    """Place of the touching fibre, less a given one."""
+    (end,) = ends
+    on = end.equations
+    assert isinstance(on, OnPulleys)
+    return on.center[0] - on.turn * on.radius * np.sin(end.y[PHI]) - x
+
+
+def _slides_along(pulley: Pulley, angle: float, ends: Sequence[End], c: Array) -> Array:
+    return pulley.turn * (ends[0].y[PHI] - ends[1].y[PHI]) - angle

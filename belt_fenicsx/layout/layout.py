@@ -1,8 +1,9 @@
 """What the belt does, as rows: its parts, the joints between them, and the equations for all that is unknown of them.
 
-The unknown scalars are the lengths of the parts and the surface speed of each pulley. Their equations are one at each
-joint, one for each speed, and the length of the belt. Each method has its own formula for each of these equations.
-Pure Python.
+The unknown scalars are the lengths of the parts, the surface speed of each pulley, and in a loop the transport rate if
+it is not given. Their equations are one at each joint, one for each speed, and the length of the belt; in a loop whose
+transport rate is given, one joint is placed by the closing of the loop. Each method has its own formula for each of
+these equations. Pure Python.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Literal
 
 from belt_fenicsx.layout.kind import Part
 
-Equation = Literal["tangent", "x", "speed", "stretch", "coulomb"]
+Equation = Literal["tangent", "x", "angle", "speed", "stretch", "coulomb", "loop"]
 BEFORE, AFTER = 0, 1
 
 
@@ -23,8 +24,9 @@ class Joint:
 
     Attributes:
         equation: ``"tangent"`` (the belt is tangent to the pulley: no concentrated force), ``"x"`` (the joint lies at
-            the scene's transition), ``"speed"`` (the belt in stick has the scene's angular velocity), ``"stretch"``
-            (the belt's stretch is that in stick) or ``"coulomb"`` (friction in stick reaches its bound).
+            the scene's transition), ``"angle"`` (the scene's slip angle lies behind it), ``"speed"`` (the belt in stick
+            has the scene's angular velocity), ``"stretch"`` (the belt's stretch is that in stick), ``"coulomb"``
+            (friction in stick reaches its bound) or ``"loop"`` (none of its own: the closing of the loop places it).
         side: The side from which the fields are taken, ``BEFORE`` or ``AFTER``.
     """
 
@@ -54,26 +56,37 @@ class Layout:
     """What the belt does part by part, in the direction of travel.
 
     Attributes:
-        parts: The parts.
-        joints: One between each two parts.
+        parts: The parts; a loop begins with the first one on its first pulley.
+        joints: One between each two parts; in a loop also one between the last and the first.
         speeds: One for each pulley that is touched.
+        closed: Whether the belt is a loop.
+        rate: Whether the transport rate is an unknown.
     """
 
     parts: tuple[Part, ...]
     joints: tuple[Joint, ...]
     speeds: tuple[Speed, ...]
+    closed: bool = False
+    rate: bool = False
 
     def __post_init__(self) -> None:
-        unknowns, of_the_length = len(self.parts) + len(self._on), 1
-        assert len(self.joints) + len(self.speeds) + of_the_length == unknowns, "as many equations as unknowns"
+        unknowns, of_the_length = len(self.parts) + len(self._on) + self.rate, 1
+        equations = sum(joint.equation != "loop" for joint in self.joints) + len(self.speeds) + of_the_length
+        assert equations == unknowns, "as many equations as unknowns"
 
     def __str__(self) -> str:
-        return " | ".join(map(str, self.contact))
+        groups = [" | ".join(str(self.parts[i]) for i in on) for on in self._on.values()]
+        return groups[0] if len(groups) == 1 else "; ".join(f"{name} on pulley {i}" for i, name in enumerate(groups))
 
     @property
     def contact(self) -> tuple[Part, ...]:
         """The parts that touch a pulley."""
         return tuple(part for part in self.parts if part.touches)
+
+    @property
+    def pulleys(self) -> tuple[int, ...]:
+        """Indices of the pulleys that are touched."""
+        return tuple(self._on)
 
     def on(self, pulley: int) -> range:
         """Indices of the parts on a pulley."""

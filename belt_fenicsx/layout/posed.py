@@ -20,7 +20,13 @@ from belt_fenicsx.layout.layout import AFTER, BEFORE, RUN_OFF_JOINT, RUN_UP_JOIN
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley, Slip
 from belt_fenicsx.scene.scene import Scene
 
-PLACED_BY: dict[str, Equation] = {"x_trans": "x", "omega": "speed", "torque": "stretch"}
+PLACED_BY: dict[str, Equation] = {
+    "x_trans": "x",
+    "slip_angle": "angle",
+    "omega": "speed",
+    "torque": "stretch",
+    "none": "loop",
+}
 
 
 def posed(scene: Scene, slip: Slip | None = None) -> Layout:
@@ -38,7 +44,7 @@ def posed(scene: Scene, slip: Slip | None = None) -> Layout:
 
 def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
     """The layout of parts in contact, with free ones around those of each pulley and the equations at all joints."""
-    parts: list[Part] = [FREE]
+    parts: list[Part] = [] if scene.closed else [FREE]
     joints: list[Joint] = []
     speeds: list[Speed] = []
     for index, group in itertools.groupby(contact, key=lambda part: part.pulley):
@@ -51,7 +57,11 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
         speeds.append(Speed("torque" if placed_by_torque else "stretch", len(joints) + left + (not held)))
         joints += [RUN_UP_JOINT, *_inner_joints(pulley, on, left), RUN_OFF_JOINT]
         parts += [*on, FREE]
-    return Layout(tuple(parts), tuple(joints), tuple(speeds))
+    if scene.closed:
+        # The last joint is the first run-up.
+        joints = [*joints[1:], joints[0]]
+        speeds = [Speed(speed.equation, speed.grip - 1) for speed in speeds]
+    return Layout(tuple(parts), tuple(joints), tuple(speeds), scene.closed, scene.transport_rate is None)
 
 
 def _inner_joints(pulley: Pulley, on: Sequence[Part], left: int) -> Iterator[Joint]:

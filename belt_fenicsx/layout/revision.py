@@ -77,12 +77,14 @@ class Samples:
         pulleys: Resultants on each pulley.
         finer: Makes the same more densely, for the places of new joints, which have to start close to where they will
             be; None if these samples suffice.
+        rate: Transport rate.
     """
 
     ends: Array
     parts: tuple[Sample | None, ...]
     pulleys: tuple[Resultants, ...]
     finer: Callable[[], Samples] | None = None
+    rate: float = 1.0
 
     @property
     def densest(self) -> Samples:
@@ -176,7 +178,7 @@ class _Contact:
     @property
     def placed(self) -> bool:
         """Whether the scene says where stick ends."""
-        return self.pulley.drive.kind == "x_trans" and self.pulley.x_trans != RUN_OFF and self.transition is not None
+        return self.pulley.drive.is_place and self.pulley.x_trans != RUN_OFF and self.transition is not None
 
     def sample(self, i: int) -> Sample:
         """Samples of a part."""
@@ -246,7 +248,7 @@ class _Contact:
         """A stick part that ends at a place before its end; None where it ends at Coulomb's bound already."""
         parts, ends, why = self.parts, self.ends, "Coulomb's bound breaks where stick ends"
         behind = sliding(self.sample(i).f[-1], self.index)
-        if self.pulley.drive.kind != "x_trans":
+        if not self.pulley.drive.is_place:
             back = min(ends[i + 1] - place, place - ends[i]) / 2.0
             turned = [*ends[: i + 1], place - back, place + back, ends[-1]]
             return self.revised(why, [*parts[: i + 1], behind.turned, behind], turned)
@@ -260,7 +262,7 @@ class _Contact:
         if self.transition is not None:
             speed = self.samples.pulleys[self.index].speed
         elif self.pulley.omega is not None:
-            speed = self.pulley.radius * self.pulley.omega
+            speed = self.pulley.radius * self.pulley.omega / self.samples.rate
         else:
             return None
         ahead = parts[i].sense * (at.D - speed)
@@ -273,7 +275,7 @@ class _Contact:
         else:
             crossing, pair = int(np.flatnonzero(wrong).max()), (parts[i].turned, parts[i])
         right = at.sigma[crossing] - at.sigma[0]
-        if wrong[-1] and right <= BEGINNING * (at.sigma[-1] - at.sigma[0]) and self.pulley.drive.kind != "x_trans":
+        if wrong[-1] and right <= BEGINNING * (at.sigma[-1] - at.sigma[0]) and not self.pulley.drive.is_place:
             return self.revised(why, [*parts[:i], parts[i].turned, *parts[i + 1 :]], ends)
         if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < WORTH:
             return None

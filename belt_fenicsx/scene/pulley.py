@@ -40,6 +40,11 @@ class Drive:
     slip: Slip | None = None
     drag: float = 0.0
 
+    @property
+    def is_place(self) -> bool:
+        """Whether it says where stick ends."""
+        return self.kind in ("x_trans", "slip_angle")
+
     def by(self, kind: str) -> float:
         """Its value, of a drive that is of this kind and by a number."""
         assert self.kind == kind and not isinstance(self.value, str), f"a drive by {self.kind} = {self.value}"
@@ -115,6 +120,11 @@ class Pulley:
     def turn(self) -> float:
         """The sign s with which the belt's tangent turns by -s D / R: +1 on the right of the belt, -1 on its left."""
         return 1.0 if self.side == "right" else -1.0
+
+    @property
+    def surface_speed(self) -> float:
+        """Speed R omega of the surface of a pulley whose speed is given [m/s]."""
+        return self.radius * self.drive.by("omega")
 
     def _check_take_up(self) -> None:
         if self.take_up is None:
