@@ -28,6 +28,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.search.find import answers, find, layout_of, settle_from
 from belt_fenicsx.search.limits import check_smooth, meets
+from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
@@ -167,5 +168,7 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
 
 def _cold(run: Run) -> State:
     """An answer on the coarse mesh, from the taut string."""
+    if not run.scene.is_published:
+        return solve_several(run)
     pulley = run.scene.pulleys[0]
     return run.start() if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 else solve_driven(run)

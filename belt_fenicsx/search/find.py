@@ -26,7 +26,7 @@ from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
-MOST_LAYOUTS = 8  # That many layouts are tried one after another, at most.
+MOST_LAYOUTS = 8  # That many layouts for each pulley are tried one after another, at most.
 SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
 STRETCH = 1e-8  # A state that is compared with a limit knows a stretch to about this.
 NEAR = 1e-3  # A state shows a transition to be impossible in this part of the interval next to its ends, and beyond.
@@ -79,11 +79,14 @@ def settle(method: Method[S], state: S) -> S:
         return state
     while revision := revise(method.scene, state.layout, method.samples(state), tolerances):
         if revision.layout is None or revision.ends is None:
-            check_transition(method, outside=True)
+            if method.scene.is_published:
+                check_transition(method, outside=True)
             return state
-        if not revision.layout.contact:
-            raise Stopped(Status.CONTACT_LOST, "The contact shrinks to a point.")
-        if revision.layout in tried or len(tried) == MOST_LAYOUTS:
+        if len(revision.layout.pulleys) < len(method.scene.pulleys):
+            lost = min({*range(len(method.scene.pulleys))} - {*revision.layout.pulleys})
+            on_pulley = "" if len(method.scene.pulleys) == 1 else f" with pulley {lost}"
+            raise Stopped(Status.CONTACT_LOST, f"The contact{on_pulley} shrinks to a point.")
+        if revision.layout in tried or len(tried) == MOST_LAYOUTS * len(method.scene.pulleys):
             return state
         tried.append(revision.layout)
         why = f"{revision.why}; now {revision.layout}"
@@ -179,10 +182,13 @@ def layout_of(scene: Scene, initial: Solution) -> Layout | None:
     A scene that says where stick ends asks for what is behind it. A speed or a torque leaves the layout open; whether
     it is met is seen afterwards.
     """
-    contact = [Part(zone.kind, zone.slip) for zone in initial.zones[1:-1]]
-    if initial.fields is None or not contact:
+    contact = [Part(zone.kind, zone.slip, zone.pulley) for zone in initial.zones if zone.pulley is not None]
+    if initial.fields is None or {part.pulley for part in contact} != {*range(len(scene.pulleys))}:
         return None
-    layout, wanted, pulley = ordered(scene, contact), posed(scene), scene.pulleys[0]
+    layout = ordered(scene, contact)
+    if not scene.is_published:
+        return layout
+    wanted, pulley = posed(scene), scene.pulleys[0]
     if pulley.drive.kind != "x_trans":
         return layout
     if not wanted.slides_behind(0):

@@ -20,56 +20,72 @@ def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip:
     return replace(scene, pulleys=(pulley,))
 
 
-def ahead(scene: Scene, samples: Samples) -> float:
-    """By how much the given stretch, or resultant of friction, exceeds that of a state."""
-    pulley, of_state = scene.pulleys[0], samples.pulleys[0]
+def ahead(scene: Scene, samples: Samples, index: int = 0) -> float:
+    """By how much the given stretch, or resultant of friction, on a pulley exceeds that of a state."""
+    pulley, of_state = scene.pulleys[index], samples.pulleys[index]
     if pulley.omega is not None:
-        return pulley.radius * pulley.omega - of_state.speed
-    return -(pulley.torque or 0.0) / pulley.radius - of_state.friction
+        return pulley.radius * pulley.omega / samples.rate - of_state.speed
+    torque = (pulley.torque or 0.0) + pulley.drag * samples.rate * of_state.speed / pulley.radius
+    return -torque / pulley.radius - of_state.friction
 
 
-def missed(scene: Scene, samples: Samples) -> float:
-    """By how much a state misses the given speed or torque, as `ahead`, less what the certificate allows."""
-    allowed = DRIVE * transmissible(scene.pulleys[0].friction, samples.pulleys[0].pressure) + ROUNDING
-    return abs(ahead(scene, samples)) - allowed
+def missed(scene: Scene, samples: Samples, index: int = 0) -> float:
+    """By how much a state misses a given speed or torque, as `ahead`, less what the certificate allows."""
+    allowed = DRIVE * transmissible(scene.pulleys[index].friction, samples.pulleys[index].pressure) + ROUNDING
+    return abs(ahead(scene, samples, index)) - allowed
+
+
+def unmet(method: Method[S], state: S) -> list[int]:
+    """Pulleys without a transition that their drive could place, whose speed or torque is not met."""
+    scene, layout = method.scene, state.layout
+    free = [
+        index
+        for index, pulley in enumerate(scene.pulleys)
+        if pulley.drive.kind in ("omega", "torque") and pulley.friction > 0.0 and not layout.slides_behind(index)
+    ]
+    return [index for index in free if missed(scene, method.samples(state), index) > 0.0] if free else []
+
+
+def slides_as_driven(method: Method[S], state: S, index: int) -> bool:
+    """Whether the belt slides all along a pulley, in the sense that a given speed or torque asks for."""
+    on = [state.layout.parts[i] for i in state.layout.on(index)]
+    exceeds = ahead(method.scene, method.samples(state), index)
+    return len(on) == 1 and on[0].kind == "slip" and on[0].sense * exceeds <= 0.0
 
 
 def meets(method: Method[S], state: S) -> bool:
-    """Whether a state meets the drive, even if its layout has no transition that the drive could place.
+    """Whether a state meets the drives, even if its layout has no transition that they could place.
 
     Raises:
-        Stopped: The torque is beyond what sliding all along transmits.
+        Stopped: A torque is beyond what sliding all along transmits.
     """
-    scene, layout = method.scene, state.layout
-    pulley = scene.pulleys[0]
-    if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 or layout.slides_behind(0):
-        return True
-    samples, (part, *others) = method.samples(state), layout.contact
-    if missed(scene, samples) <= 0.0:
-        return True
-    if part.kind == "stick" or others or part.sense * ahead(scene, samples) > 0.0:
-        return False
-    if pulley.torque is not None:
-        check_capacity(method, state, pulley.torque)
-    return pulley.drive.kind == "omega"
+    for index in unmet(method, state):
+        if not slides_as_driven(method, state, index):
+            return False
+        pulley = method.scene.pulleys[index]
+        if pulley.torque is not None:
+            check_capacity(method, state, index)
+            return False
+    return True
 
 
-def check_capacity(method: Method[S], slip: S, torque: float) -> None:
-    """Checks that a torque is not beyond what sliding all along transmits, which has to be admissible itself.
+def check_capacity(method: Method[S], slip: S, index: int) -> None:
+    """Checks that a torque is not beyond what sliding all along its pulley transmits, which has to be admissible itself.
 
     Raises:
         Stopped: It is.
     """
-    scene, (part,) = method.scene, slip.layout.contact
+    scene, on = method.scene, slip.layout.on(index)
     slip = method.sharpen(slip, "capacity")
-    samples = method.samples(slip)
-    if method.is_plausible(slip) and part.sense * ahead(scene, samples) < 0.0 and missed(scene, samples) > 0.0:
-        capacity = -scene.pulleys[0].radius * samples.pulleys[0].friction
-        excess = 100.0 * (torque / capacity - 1.0)
+    samples, part = method.samples(slip), slip.layout.parts[on[0]]
+    exceeds = ahead(scene, samples, index)
+    if method.is_plausible(slip) and part.sense * exceeds < 0.0 and missed(scene, samples, index) > 0.0:
+        radius, capacity = scene.pulleys[index].radius, -samples.pulleys[index].friction
+        on_pulley = "" if len(scene.pulleys) == 1 else f" pulley {index}"
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
-            f"Sliding all along, the belt transmits {capacity * method.units.of(length=1, force=1):.6g} N m, which the "
-            f"given torque exceeds by {excess:.3g} %.",
+            f"Sliding all along{on_pulley}, the belt transmits {radius * capacity * method.units.of(length=1, force=1):.6g} "
+            f"N m, which the given torque exceeds by {-100.0 * exceeds / capacity:.3g} %.",
             final=True,
         )
 
