@@ -95,10 +95,13 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
     try:
         check_smooth(dimensionless)
         state = _find(run, initial)
-        contact, zones, fields = answer(state.problem, dimensionless, state.discrete, dimensionless.pulleys[0].omega)
+        omega = dimensionless.pulleys[0].omega
+        contacts, spans, zones, fields = answer(state.problem, dimensionless, state.discrete, omega)
         solution = replace(
             solution,
-            contacts=(contact,),
+            transport_rate=1.0,
+            contacts=contacts,
+            spans=spans,
             zones=zones,
             fields=fields,
             error_estimate=float(run.refinement.errors[0]),

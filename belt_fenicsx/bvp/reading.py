@@ -17,8 +17,9 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.pulley import Slip as Sense
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Contact, Span, Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.reading import contacts_and_spans
 from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # intervals of each zone at least, for the fields
@@ -160,14 +161,15 @@ def field_errors(errors: Array) -> dict[str, float]:
 
 def answer(
     problem: Problem, scene: Scene, discrete: Discrete, omega: float | None = None
-) -> tuple[Contact, tuple[Zone, ...], Fields]:
-    """Contact, zones and fields of a dimensionless solution, at the speed of stick if not another."""
+) -> tuple[tuple[Contact, ...], tuple[Span, ...], tuple[Zone, ...], Fields]:
+    """Contacts, spans, zones and fields of a dimensionless solution, at the speed of stick if not another."""
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
     table, zones = columns(problem, discrete, places(discrete.widths, xi)), []
     for i, zone in enumerate(problem.zones):
         sense: Sense | None = ("forward" if zone.friction >= 0.0 else "backward") if isinstance(zone, Slip) else None
         (start, end), x = table[0, i, [FIRST, LAST]].tolist(), table[1, i, [FIRST, LAST]].tolist()
-        zones.append(Zone(kind=zone.kind, slip=sense, sigma=(start, end), x=(x[0], x[1])))
+        pulley = None if zone.kind == "free" else 0
+        zones.append(Zone(kind=zone.kind, slip=sense, pulley=pulley, sigma=(start, end), x=(x[0], x[1])))
     index = np.repeat(np.arange(len(zones)), xi.size)
     sigma, x, y, phi, theta, kappa, D, pressure, friction = table.reshape(9, -1)
     omega = speed(problem, discrete) if omega is None else omega
@@ -184,14 +186,9 @@ def answer(
         f=friction,
         v_rel=D - problem.rod.radius * omega,
     )
-    contact = Contact.from_zones(
-        tuple(zones[1:-1]),
-        scene.pulleys[0],
-        omega=omega,
-        torque=torque(problem, discrete),
-        y=(float(table[2, 1, FIRST]), float(table[2, -2, LAST])),
-    )
-    return contact, tuple(zones), fields
+    torques = (torque(problem, discrete),)
+    contacts, spans = contacts_and_spans(scene, zones, fields, rate=1.0, omegas=(omega,), torques=torques)
+    return contacts, spans, tuple(zones), fields
 
 
 def seen(solution: Solution) -> str:
