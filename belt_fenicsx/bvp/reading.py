@@ -18,8 +18,8 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.reading import contacts_and_spans, zones_of
 from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # Intervals of each part at least, for the fields.
@@ -233,16 +233,7 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     """Zones, fields and what else a dimensionless solution has, as its arguments."""
     tau, weight = _inside(discrete.cells)
     xi = np.append((np.arange(discrete.cells)[:, None] + tau).ravel() / discrete.cells, 1.0)
-    found, zones = columns(problem, discrete, np.tile(xi, (len(layout.parts), 1))), []
-    for i, part in enumerate(layout.parts):
-        (start, end), (x_start, x_end) = found[0, i, [0, -1]].tolist(), found[1, i, [0, -1]].tolist()
-        if part.touches:
-            x_start, x_end = (_at(problem, discrete, i, at)[1] for at in (0.0, 1.0))
-        zones.append(
-            Zone(
-                kind=part.kind, slip=part.slip, sigma=(start, end), x=(x_start, x_end),
-            )
-        )  # fmt: skip
+    found = columns(problem, discrete, np.tile(xi, (len(layout.parts), 1)))
     rate, omegas = transport_rate(problem, layout, discrete), speeds(scene, layout, problem, discrete)
     # The rule of the collocation, which gives the integrals that its equations hold.
     g = np.zeros((len(layout.parts), discrete.cells, tau.size))
@@ -252,7 +243,7 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     v_rel = rate * found[6] - _speeds(scene, layout, problem, discrete)
     fields = Fields.from_state(
         scene.belt,
-        zone=np.repeat(np.arange(len(zones)), xi.size),
+        zone=np.repeat(np.arange(len(layout.parts)), xi.size),
         sigma=sigma,
         r=np.column_stack([x, y]),
         theta=theta,
@@ -263,11 +254,18 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
         f=f,
         v_rel=v_rel.ravel(),
         weight=weights.ravel(),
+        offset=np.repeat(_offsets(problem), xi.size) if problem.rod.offset else None,
     )
     torques = tuple(torque(problem, layout, discrete, index) for index in range(len(scene.pulleys)))
-    from belt_fenicsx.solution.contact import Contact
-    contact = Contact.from_zones(tuple(zones[1:-1]), scene.pulleys[0], omega=omegas[0], torque=torques[0], y=(float(found[2, 1, 0]), float(found[2, -2, -1])))
-    return dict(contacts=(contact,), zones=tuple(zones), fields=fields)
+    centers = [pulley.center for pulley in scene.pulleys]
+    for take_up, move in zip(problem.take_ups, discrete.values.moves, strict=True):
+        (x, y), pulley = take_up.direction, layout.parts[take_up.parts[0]].pulley
+        centers[pulley] = (centers[pulley][0] + move * x, centers[pulley][1] + move * y)
+    zones = zones_of(scene, layout.parts, fields)
+    contacts, spans = contacts_and_spans(
+        scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers
+    )
+    return dict(transport_rate=rate, contacts=contacts, spans=spans, zones=zones, fields=fields)
 
 
 def _inside(cells: int) -> tuple[Array, Array]:

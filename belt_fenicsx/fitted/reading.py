@@ -13,8 +13,9 @@ from belt_fenicsx.fitted.state import POINTS, State, tables
 from belt_fenicsx.layout.arrays import Array, vectors
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.reading import contacts_and_spans
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
@@ -110,18 +111,14 @@ def fields(scene: Scene, state: State) -> Fields:
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
-    """Contact, zones and fields of a state, as arguments of a solution."""
-    mesh, pulley, r = state.mesh, scene.pulleys[0], state.ends_r
+    """Contact, spans, zones and fields of a state, as arguments of a solution."""
+    mesh, radius, r, found = state.mesh, scene.pulleys[0].radius, state.ends_r, fields(scene, state)
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
     sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
     zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, sigma=sigma[i], x=x[i]) for i, part in enumerate(mesh.layout.parts)
+        Zone(kind=part.kind, slip=part.slip, pulley=part.pulley if part.touches else None, sigma=sigma[i], x=x[i])
+        for i, part in enumerate(mesh.layout.parts)
     )
-    contact = Contact.from_zones(
-        zones[1:-1],
-        pulley,
-        omega=pulley_speed(scene, state) / pulley.radius,
-        torque=-pulley.radius * state.friction_force,
-        y=tuple(border.imag[[1, -2]].tolist()),
-    )
-    return {"contacts": (contact,), "zones": zones, "fields": fields(scene, state)}
+    omega, torque = pulley_speed(scene, state) / radius, -radius * state.friction_force
+    contacts, spans = contacts_and_spans(scene, zones, found, rate=1.0, omegas=(omega,), torques=(torque,))
+    return {"transport_rate": 1.0, "contacts": contacts, "spans": spans, "zones": zones, "fields": found}

@@ -78,7 +78,7 @@ def errors(solutions: Sequence[Solution]) -> dict[str, float]:
     """
     scene, fields = solutions[-1].scene, fields_of(solutions[-1])
     b1, radius = scene.belt.extensional_stiffness, scene.pulleys[0].radius
-    stretches = np.array([other.contacts[0].omega * radius / scene.transport_rate for other in solutions])
+    stretches = np.array([other.contacts[0].omega * radius / other.transport_rate for other in solutions])
     forces = np.array([other.contacts[0].torque / radius for other in solutions])
     moments = np.array([fields_of(other).M[[0, -1]] for other in solutions])
     # Halving the elements halves a difference.

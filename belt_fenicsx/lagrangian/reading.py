@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.lagrangian.state import State
-from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import FREE, STICK, Part
 from belt_fenicsx.scene.pulley import RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.reading import contacts_and_spans
 
 FORWARD, BACKWARD, SMOOTH = Part("slip", "forward"), Part("slip", "backward"), Part("slip")
 # Arrays hold the parts' numbers in this table: words take six times the memory, and four times as long.
@@ -27,7 +29,7 @@ SHORTEST_RUN = 3
 
 
 def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, Any]:
-    """Contact, zones and fields, as arguments of a solution.
+    """Contact, spans, zones and fields, as arguments of a solution.
 
     Args:
         scene: The dimensionless scene.
@@ -40,13 +42,21 @@ def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, An
     path = CubicHermiteSpline(state.sigma, r, np.column_stack([state.dx, state.dy]))
     borders = [_border(state, numbers, start, pulley) for start in starts.tolist()]
     zones = _zones(scene, [PARTS[number] for number in numbers[np.append(0, starts)]], borders, path)
-    contact = _contact(scene, state, multipliers, numbers == NUMBER[STICK], zones, path)
+    touching = tuple(zone for zone in zones if zone.pulley is not None)
+    sigma_trans, x_trans = _transition(state, pulley, touching)
+    speed = _speed(state, multipliers, numbers == NUMBER[STICK], pulley, float(np.hypot(*path(sigma_trans, 1))))
     fields = Fields.from_state(
         scene.belt, zone=np.searchsorted(starts, np.arange(len(r)), side="right"), weight=state.weight,
         sigma=state.sigma, r=r, theta=state.theta, phi=np.arctan2(state.dy, state.dx), D=state.D, kappa=state.kappa,
-        p=multipliers.p, f=multipliers.f, v_rel=scene.transport_rate * state.D - pulley.radius * contact.omega,
+        p=multipliers.p, f=multipliers.f, v_rel=state.D - speed,
     )  # fmt: skip
-    return {"contacts": (contact,), "zones": zones, "fields": fields}
+    (contact,), spans = contacts_and_spans(
+        scene, zones, fields, rate=1.0, omegas=(speed / pulley.radius,),
+        torques=(float(-pulley.radius * np.sum(state.weight * multipliers.f)),),
+        borders=places(path([zone.sigma for zone in zones]).reshape(-1, 2)).reshape(-1, 2),
+    )  # fmt: skip
+    contacts = (replace(contact, x_trans=x_trans),)
+    return {"transport_rate": 1.0, "contacts": contacts, "spans": spans, "zones": zones, "fields": fields}
 
 
 def _part_numbers(state: State, multipliers: Multipliers, pulley: Pulley) -> Array:
@@ -103,35 +113,17 @@ def _zones(scene: Scene, parts: list[Part], borders: list[float], path: CubicHer
     sigma = itertools.pairwise([-half, *borders, half])
     x = itertools.pairwise([-reach, *path(borders)[:, 0].tolist(), reach])
     rows = zip(parts, sigma, x, strict=True)
-    return tuple(Zone(kind=part.kind, slip=part.slip, sigma=material, x=place) for part, material, place in rows)
+    return tuple(
+        Zone(kind=part.kind, slip=part.slip, pulley=0 if part.touches else None, sigma=material, x=place)
+        for part, material, place in rows
+    )
 
 
-def _contact(
-    scene: Scene,
-    state: State,
-    multipliers: Multipliers,
-    sticks: Array,
-    zones: tuple[Zone, ...],
-    path: CubicHermiteSpline,
-) -> Contact:
-    """The contact, whose speed is that of the belt where friction in stick is below its bound, or at the transition."""
-    pulley, touching = scene.pulleys[0], tuple(zone for zone in zones if zone.kind != "free")
-    sigma_trans, x_trans = _transition(state, pulley, touching)
+def _speed(state: State, multipliers: Multipliers, sticks: Array, pulley: Pulley, D_trans: float) -> float:
+    """Speed of the belt where friction in stick is below its bound, or with the stretch at the transition."""
     p, f = multipliers
     stuck = sticks & (state.share == 0.0) & (np.abs(f) < pulley.friction * p)
-    if stuck.any():
-        D_trans = float(np.average(state.D[stuck], weights=state.weight[stuck]))
-    else:
-        D_trans = float(np.hypot(*path(sigma_trans, 1)))
-    (_, up), (_, off) = path([touching[0].sigma[0], touching[-1].sigma[1]]).tolist()
-    return Contact.from_zones(
-        touching,
-        pulley,
-        omega=scene.transport_rate * D_trans / pulley.radius,
-        torque=float(-pulley.radius * np.sum(state.weight * f)),
-        y=(up, off),
-        x_trans=x_trans,
-    )
+    return float(np.average(state.D[stuck], weights=state.weight[stuck])) if stuck.any() else D_trans
 
 
 def _transition(state: State, pulley: Pulley, touching: tuple[Zone, ...]) -> tuple[float, float]:

@@ -148,7 +148,7 @@ def certify(
             if zone.slip is not None:
                 senses[index], largest[index] = SENSE[zone.slip], speed[fields.zone == index].max(initial=0.0)
         ahead, unknown = senses[fields.zone] * fields.v_rel, errors.get("v_rel", 0.0) * float(speed.max())
-        least = ROUNDING * scene.transport_rate
+        least = ROUNDING * (scene.transport_rate or 1.0)
         size = np.maximum(largest, least)[fields.zone]
         conditions.append(Condition("sense of sliding in slip", ("slip",), ahead, size, unknown, least))
     checks = [_borders_in_order(scene, zones), *_smallest_margins(zones, fields, conditions, tolerance)]
@@ -213,7 +213,7 @@ def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, .
     unit = {
         "x_trans": contact.x_off - contact.x_up,
         "torque": pulley.radius * capacity,
-        "omega": scene.transport_rate / pulley.radius * capacity / b1,
+        "omega": (scene.transport_rate or 1.0) / pulley.radius * capacity / b1,
     }[drive.kind]
     missed = abs(getattr(contact, drive.kind) - drive.value) / unit
     unknown = ROUNDING * max(b1 / capacity, abs(drive.value) / unit)

@@ -1,14 +1,16 @@
-"""Zones of the belt, and its contact with a pulley."""
+"""Zones of the belt, its contacts with pulleys, and its free spans."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
-from belt_fenicsx.scene.pulley import DRIVES, Pulley, Slip
+from belt_fenicsx.scene.pulley import DRIVES, FORCE, Slip
 from belt_fenicsx.scene.units import Quantity, Units
+from belt_fenicsx.solution.fields import same_values
 
+POWER = Quantity(unit="W", text="power", force=1, rate=1)
 # Of a contact, in the order in which they are told.
 QUANTITIES: Mapping[str, Quantity] = {
     "omega": DRIVES["omega"],
@@ -18,6 +20,32 @@ QUANTITIES: Mapping[str, Quantity] = {
     "torque": DRIVES["torque"],
     "wrap_angle": Quantity(unit="rad", text="wrap angle"),
 }
+# What else a contact has whose value depends on units.
+MORE: Mapping[str, Quantity] = {
+    "center": Quantity(unit="m", text="centre", length=1),
+    "run_up": Quantity(unit="m", text="run-up", length=1),
+    "run_off": Quantity(unit="m", text="run-off", length=1),
+    "hub_force": FORCE,
+    "sliding_loss": POWER,
+    "capacity": DRIVES["torque"],
+    "take_up": Quantity(unit="m", text="take-up", length=1),
+}
+OF_SPANS: Mapping[str, Quantity] = {
+    "sigma": Quantity(unit="m", text="material-length coordinate", length=1),
+    "length": Quantity(unit="m", text="material length", length=1),
+    "tension": FORCE,
+    "speed": Quantity(unit="m/s", text="speed", rate=1),
+    "sag": Quantity(unit="m", text="sag", length=1),
+}
+
+
+def _scaled(part: Contact | Span, quantities: Mapping[str, Quantity], units: Units) -> dict[str, Any]:
+    """Numbers, and tuples of numbers, of a dimensionless part in the given units."""
+    scaled: dict[str, Any] = {}
+    for name, quantity in quantities.items():
+        value, scale = getattr(part, name), quantity.scale(units)
+        scaled[name] = tuple(item * scale for item in value) if isinstance(value, tuple) else value * scale
+    return scaled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,12 +55,14 @@ class Zone:
     Attributes:
         kind: ``"free"``, ``"stick"`` or ``"slip"``.
         slip: Sense of sliding of a slip zone, otherwise None.
+        pulley: Index of the pulley that it lies on; None for a free zone.
         sigma: Ends ``(2,)`` in the material-length coordinate [m].
-        x: Ends ``(2,)`` in the global coordinate [m].
+        x: Ends ``(2,)`` in the global coordinate [m]; on a pulley, those of the touching fibre.
     """
 
     kind: str
     slip: Slip | None = None
+    pulley: int | None = None
     sigma: tuple[float, float]
     x: tuple[float, float]
 
@@ -47,65 +77,67 @@ class Zone:
         return replace(self, sigma=(start * length, end * length), x=(x_start * length, x_end * length))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Contact:
-    """The contact of the belt with one pulley.
+    """The contact of the belt with one pulley. Its places are those of the touching fibre.
+
+    Contacts are equal that have equal values.
 
     Attributes:
-        omega: Angular velocity of the pulley [rad/s], positive where its top moves with the belt.
+        pulley: Index of the pulley.
+        omega: Angular velocity of the pulley [rad/s], positive where its surface moves with the belt.
         x_up: Run-up point [m].
         x_trans: Transition from stick to slip [m]; the run-off in pure stick, the run-up in pure slip.
         x_off: Run-off point [m].
         torque: Moment of the belt on the pulley [N m], positive where it drives it along.
         wrap_angle: Angle of the pulley between run-up and run-off [rad].
+        center: Centre of the pulley ``(2,)``, where its take-up has brought it [m].
+        run_up: Place x, y of the run-up ``(2,)`` [m].
+        run_off: Place x, y of the run-off ``(2,)`` [m].
+        angle_up: Angle of the tangent at the run-up, counted on along the belt [rad].
+        angle_off: Angle of the tangent at the run-off [rad].
+        slip_angle: The part of the wrap that slides before the run-off [rad].
+        hub_force: Force of the belt on the pulley, with the weight of what lies on it ``(2,)`` [N].
+        sliding_loss: Power that friction takes where the belt slides [W].
+        capacity: Torque that the pulley transmits at most, the rest of the drive as it is [N m]; NaN if not known.
+        take_up: Displacement of the pulley along its take-up [m].
         zones: The contact's zones, in the direction of travel.
     """
 
+    pulley: int
     omega: float
     x_up: float
     x_trans: float
     x_off: float
     torque: float
     wrap_angle: float
+    center: tuple[float, float]
+    run_up: tuple[float, float]
+    run_off: tuple[float, float]
+    angle_up: float
+    angle_off: float
+    slip_angle: float
+    hub_force: tuple[float, float]
+    sliding_loss: float
+    capacity: float
+    take_up: float
     zones: tuple[Zone, ...]
 
-    @classmethod
-    def from_zones(
-        cls,
-        zones: tuple[Zone, ...],
-        pulley: Pulley,
-        *,
-        omega: float,
-        torque: float,
-        y: tuple[float, float],
-        x_trans: float | None = None,
-    ) -> Contact:
-        """The contact that consists of zones on a pulley.
+    def __eq__(self, other: object) -> bool:
+        return same_values(self, other) if isinstance(other, Contact) else NotImplemented
 
-        Args:
-            zones: The zones in contact, in the direction of travel.
-            pulley: The pulley.
-            omega: Its angular velocity [rad/s].
-            torque: Moment of the belt on it [N m].
-            y: Heights of the run-up and run-off point ``(2,)`` [m].
-            x_trans: Transition [m]; by default the end of the first stick zone or, where nothing sticks, of the first
-                slip zone behind which the belt slides the other way.
-        """
-        x_up, x_off = zones[0].x[0], zones[-1].x[1]
-        if x_trans is None:
-            stick = next((zone for zone in zones if zone.kind == "stick"), None)
-            x_trans = stick.x[1] if stick else zones[0].x[len(zones) > 1]
-        # Angles from the pulley's top jump at its bottom alone, which a belt between clamps does not touch.
-        xc, yc = pulley.center
-        up, off = math.atan2(x_up - xc, y[0] - yc), math.atan2(x_off - xc, y[1] - yc)
-        return cls(
-            omega=omega, x_up=x_up, x_trans=x_trans, x_off=x_off, torque=torque, wrap_angle=off - up, zones=zones
-        )
+    def __hash__(self) -> int:
+        return hash((self.pulley, self.omega, self.torque, self.zones))
+
+    @property
+    def power(self) -> float:
+        """Power of the belt on the pulley [W], positive where it drives it."""
+        return self.torque * self.omega
 
     def in_units(self, units: Units) -> Contact:
         """The contact of a dimensionless scene in the given units."""
-        scaled = {name: getattr(self, name) * quantity.scale(units) for name, quantity in QUANTITIES.items()}
-        return replace(self, zones=tuple(zone.in_units(units) for zone in self.zones), **scaled)
+        zones = tuple(zone.in_units(units) for zone in self.zones)
+        return replace(self, zones=zones, **_scaled(self, {**QUANTITIES, **MORE}, units))
 
     def __repr__(self) -> str:
         zones = ", ".join(zone.name for zone in self.zones)
@@ -113,3 +145,29 @@ class Contact:
             f"<Contact omega = {self.omega:.12g} rad/s, x = {self.x_up:.6g} ... {self.x_trans:.6g} ... "
             f"{self.x_off:.6g} m, torque = {self.torque:.6g} N m, wrap angle = {self.wrap_angle:.6g} rad: {zones}>"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Span:
+    """A free part of the belt.
+
+    Attributes:
+        sigma: Ends ``(2,)`` in the material-length coordinate [m].
+        length: Material length [m].
+        tension: Elastic force along the tangent of the middle line at the start, in the middle and at the end
+            ``(3,)`` [N].
+        speed: Speed of the belt in the middle [m/s].
+        sag: Largest distance from the chord [m].
+        angle: Angle of the chord, counted on along the belt [rad].
+    """
+
+    sigma: tuple[float, float]
+    length: float
+    tension: tuple[float, float, float]
+    speed: float
+    sag: float
+    angle: float
+
+    def in_units(self, units: Units) -> Span:
+        """The span of a dimensionless scene in the given units."""
+        return replace(self, **_scaled(self, OF_SPANS, units))

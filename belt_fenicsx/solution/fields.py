@@ -33,6 +33,8 @@ QUANTITIES: Mapping[str, Quantity] = {
 class Fields:
     """Fields along the belt, sorted by ``sigma``; a border of zones appears once for each side.
 
+    They are those of the middle line, with one exception: where a belt with a ``contact_offset`` lies on a pulley, its
+    stretch D and the angle phi are those of the fibre that touches, with which it slides and along which friction acts.
     Fields are equal that have equal values at equal points.
 
     Attributes:
@@ -41,8 +43,8 @@ class Fields:
         sigma: Coordinate in [-Ls/2, Ls/2] ``(n,)`` [m].
         r: Position ``(n, 2)`` [m].
         theta: Angle of the cross-section ``(n,)`` [rad].
-        phi: Angle of the tangent ``(n,)`` [rad].
-        D: Stretch ``(n,)`` [-].
+        phi: Angle of the tangent ``(n,)``, counted on along the belt; of the touching fibre on a pulley [rad].
+        D: Stretch ``(n,)``, of the touching fibre on a pulley [-].
         eps: Axial strain ``(n,)`` [-].
         Gamma: Shear strain ``(n,)`` [-].
         kappa: Bending strain ``(n,)`` [1/m].
@@ -106,13 +108,24 @@ class Fields:
         f: Array,
         v_rel: Array,
         weight: Array | None = None,
+        offset: Array | None = None,
     ) -> Fields:
-        """Adds strains and forces by the constitutive law (18.5), (18.6), and the weights of Simpson's rule."""
+        """Adds strains and forces by the constitutive law (18.5), (18.6), and the weights of Simpson's rule.
+
+        A fibre at r - d e2 has the derivative r' + d kappa e1 = (1 + eps + d kappa) e1 + Gamma e2, whose length and
+        angle are D and phi.
+
+        Args:
+            offset: Distance d of the fibre whose stretch and tangent are given from the middle line, towards -e2
+                ``(n,)``; zero by default.
+        """
         if weight is None:
             borders = np.flatnonzero(np.diff(zone)) + 1
             weight = np.concatenate([simpson_weights(part) for part in np.split(sigma, borders)])
         psi = theta - phi
         eps, Gamma = D * np.cos(psi) - 1.0, -D * np.sin(psi)
+        if offset is not None:
+            eps -= offset * kappa
         Q = np.column_stack([belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma])
         M = belt.bending_stiffness * kappa
         return cls(

@@ -18,7 +18,7 @@ from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
     from belt_fenicsx.solution.certificate import Check
-    from belt_fenicsx.solution.contact import Contact, Zone
+    from belt_fenicsx.solution.contact import Contact, Span, Zone
     from belt_fenicsx.solution.stages import Stage
 
 
@@ -46,7 +46,9 @@ class Solution:
         status: How the solve ended.
         message: The stage where it ended and what was seen there.
         hints: What is unusual about the scene, in sentences, where the iteration failed and cannot say why.
+        transport_rate: Mass transport rate [m/s]; NaN where nothing was found.
         contacts: One contact for each pulley; empty where nothing was found.
+        spans: The free spans, in the direction of travel.
         zones: All zones of the belt, in the direction of travel.
         fields: Fields along the belt; None where the solve failed before there were any.
         checks: The certificate.
@@ -66,7 +68,9 @@ class Solution:
     status: Status
     message: str = ""
     hints: tuple[str, ...] = ()
+    transport_rate: float = float("nan")
     contacts: tuple[Contact, ...] = ()
+    spans: tuple[Span, ...] = ()
     zones: tuple[Zone, ...] = ()
     fields: Fields | None = field(default=None, repr=False)
     checks: tuple[Check, ...] = field(default=(), repr=False)
@@ -99,6 +103,24 @@ class Solution:
         return self.contacts[0].omega
 
     @property
+    def power(self) -> float:
+        """Power that goes in at the pulleys that drive the belt [W]; NaN without contacts."""
+        return -sum(min(contact.power, 0.0) for contact in self.contacts) if self.contacts else float("nan")
+
+    @property
+    def losses(self) -> float:
+        """Power that friction takes where the belt slides [W]; NaN without contacts."""
+        return sum(contact.sliding_loss for contact in self.contacts) if self.contacts else float("nan")
+
+    @property
+    def efficiency(self) -> float:
+        """The part of the power that comes out at the pulleys that the belt drives [-].
+
+        It is NaN where no pulley drives the belt, and between clamps, which take their share of the power.
+        """
+        return 1.0 - self.losses / self.power if self.scene.closed and self.power > 0.0 else float("nan")
+
+    @property
     def success(self) -> bool:
         """Whether the solve converged to an admissible state."""
         return self.status is Status.SOLVED
@@ -127,6 +149,8 @@ class Solution:
         return replace(
             self,
             scene=scene,
+            transport_rate=self.transport_rate * units.rate,
+            spans=tuple(span.in_units(units) for span in self.spans),
             contacts=tuple(contact.in_units(units) for contact in self.contacts),
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),
