@@ -110,10 +110,10 @@ class Free:
         return y
 
     def fields(self, rod: Rod, y: Array, c: Array) -> Array:
-        """x, y, phi, theta, kappa, D, p, f ``(8, ...)``."""
+        """x, y, phi, theta, kappa, D - 1, p, f ``(8, ...)``."""
         eps, Gamma, _, _ = self._strained(rod, y, c)
-        psi, D = -np.arctan(Gamma / (1.0 + eps)), np.sqrt((1.0 + eps) ** 2 + Gamma**2)
-        return np.array([y[0], y[1], y[2] - psi, y[2], y[3], D, np.zeros_like(D), np.zeros_like(D)])
+        psi, D, none = -np.arctan(Gamma / (1.0 + eps)), np.sqrt((1.0 + eps) ** 2 + Gamma**2), np.zeros_like(eps)
+        return np.array([y[0], y[1], y[2] - psi, y[2], y[3], D - 1.0, none, none])
 
     @staticmethod
     def _strained(rod: Rod, y: Array, c: Array) -> tuple[Array, Array, Array, Array]:
@@ -191,9 +191,9 @@ class OnPulleys:
         )
 
     def fields(self, rod: Rod, y: Array, c: Array) -> Array:
-        """x, y, phi, theta, kappa, D, p, f ``(8, ...)``; phi and D are those of the touching fibre."""
+        """x, y, phi, theta, kappa, D - 1, p, f ``(8, ...)``; phi and D are those of the touching fibre."""
         x, height, theta, kappa, _, _ = self.joined(rod, y, c)
-        return np.array([x, height, y[0], theta, kappa, 1.0 + y[3], *self.tractions(rod, y, c)])
+        return np.array([x, height, y[0], theta, kappa, y[3], *self.tractions(rod, y, c)])
 
     def _force(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array, Array, Array]:
         """Strains eps, Gamma, and the force N in the axes of the cross-section."""

@@ -30,7 +30,8 @@ CLOSER = 1e-2  # The end of Newton's iteration, over the wanted error.
 TYPICAL = 0.1  # The relative error of a field times the power of the number of cells is at least about this.
 DOUBT = 3e-3  # By how much joints may be off on the first mesh, about, in lengths of the contact.
 FINER = 1.5  # Cells of the second mesh over those of the first, at least.
-SAFETY = 2.0  # Of the error estimate.
+SAFETY = 3.0  # Of the error estimate.
+LAST_DIGIT = 1e-15  # No estimate is below what rounding leaves.
 STALLED = 2  # That many meshes whose errors are no smaller than before show that rounding leaves no more.
 WORK = 500.0  # Of a solve, at most; an iteration on a mesh of few cells is one unit.
 OVERHEAD = 24  # An iteration on that many cells costs twice as much as on none.
@@ -67,7 +68,7 @@ class Discrete:
     @property
     def ends(self) -> Array:
         """Ends of the parts in the material-length coordinate ``(parts + 1,)``."""
-        return np.concatenate([[-0.5], np.cumsum(self.values.lengths) - 0.5])
+        return np.concatenate([[-0.5], np.cumsum(self.values.lengths[:-1]) - 0.5, [0.5]])
 
     def between(self, group: int, xi: Array) -> Array:
         """Scaled unknowns of a group at coordinates of each of its parts, ``(n, parts, q)`` for ``(parts, q)``."""
@@ -249,7 +250,7 @@ def refined(
         tolerance = min(max(closer * wanted[0], ROUNDING), NEWTON)
         fine = work.newton(problem, coarse.on(problem, math.ceil(cells)), tolerance, "refinement")
         iterations += fine.iterations
-        errors = SAFETY * change(problem, coarse, fine) / ((fine.cells / coarse.cells) ** orders - 1.0)
+        errors = SAFETY * change(problem, coarse, fine) / ((fine.cells / coarse.cells) ** orders - 1.0) + LAST_DIGIT
         worst = float(np.max(errors / wanted))
         reached = fine.converged and worst <= 1.0
         stalled += worst >= before

@@ -130,11 +130,23 @@ class Problem:
         assert isinstance(contacts, OnPulleys)
         if not self.take_ups:
             return contacts
-        center = contacts.center + 0.0 * moves[0]
+        center = contacts.center.copy()
         for take_up, move in zip(self.take_ups, moves, strict=True):
             here = np.isin(self.contacts.parts, take_up.parts)
             center[:, here] += move * np.array(take_up.direction)[:, None, None]
         return replace(contacts, center=center)
+
+    def equations(self, part: int, moves: Array) -> Free | OnPulleys:
+        """Those of one part, where take-ups are displaced by ``moves`` ``(take-ups, ...)``."""
+        group, at = self.place[part]
+        if not isinstance(group.equations, OnPulleys):
+            return group.equations
+        own = group.equations.of(at)
+        for take_up, move in zip(self.take_ups, moves, strict=True):
+            if part in take_up.parts:
+                x, y = take_up.direction
+                own = replace(own, center=np.array([own.center[0] + move * x, own.center[1] + move * y]))
+        return own
 
     def on(self, part: int) -> OnPulleys:
         """One part on a pulley alone, with its pulley where it is without displacements."""

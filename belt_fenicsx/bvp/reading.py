@@ -50,7 +50,7 @@ def plausible(problem: Problem, layout: Layout, discrete: Discrete, doubt: float
 
 
 def table(problem: Problem, discrete: Discrete, group: int, xi: Array) -> Array:
-    """x, y, phi, theta, kappa, D, p, f of a group ``(8, parts, q)`` at coordinates of its parts ``(parts, q)``."""
+    """x, y, phi, theta, kappa, D - 1, p, f of a group ``(8, parts, q)`` at coordinates of its parts ``(parts, q)``."""
     own, values = problem.groups[group], discrete.values
     equations = problem.moved(values.moves) if group else own.equations
     return equations.fields(problem.rod, own.unscaled(discrete.between(group, xi)), np.asarray(values.c))
@@ -60,14 +60,14 @@ def columns(problem: Problem, discrete: Discrete, xi: Array) -> Array:
     """The same of all parts, the coordinate sigma first: ``(9, parts, q)`` for coordinates ``(parts, q)``."""
     result = np.empty((9, *xi.shape))
     inside, ends = places(discrete.widths, xi), discrete.ends
-    result[0] = ends[:-1, None] + discrete.values.lengths[:, None] * inside
+    result[0] = ends[:-1, None] * (1.0 - inside) + ends[1:, None] * inside
     for index, group in enumerate(problem.groups):
         result[1:, group.parts] = table(problem, discrete, index, xi[group.parts])
     return result
 
 
 def surface(problem: Problem, layout: Layout, discrete: Discrete, pulley: int) -> tuple[float, float]:
-    """Stretch D and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
+    """Strain D - 1 and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
     on = layout.on(pulley)
     sticks = [i for i in on if layout.parts[i].kind == "stick"]
     if sticks or len(on) > 1:
@@ -80,11 +80,12 @@ def surface(problem: Problem, layout: Layout, discrete: Discrete, pulley: int) -
 
 
 def _at(problem: Problem, discrete: Discrete, part: int, xi: float) -> tuple[float, float]:
-    """Stretch D and place x of the touching fibre at a coordinate of a part on a pulley."""
+    """Strain D - 1 and place x of the touching fibre at a coordinate of a part on a pulley."""
     index = problem.place[part][1]
     y = problem.contacts.unscaled(discrete.between(1, np.full((problem.contacts.parts.size, 1), xi)))[:, index, 0]
-    on = problem.moved(discrete.values.moves).of(index)
-    return float(1.0 + y[STRAIN]), float(on.center[0, 0, 0] - on.turn[0, 0] * on.radius[0, 0] * math.sin(y[0]))
+    on = problem.equations(part, discrete.values.moves)
+    assert isinstance(on, OnPulleys)
+    return float(y[STRAIN]), float(on.center[0, 0, 0] - on.turn[0, 0] * on.radius[0, 0] * math.sin(y[0]))
 
 
 def _turns(problem: Problem, discrete: Discrete, part: int) -> list[float]:
@@ -123,7 +124,7 @@ def transport_rate(problem: Problem, layout: Layout, discrete: Discrete) -> floa
     if problem.giving is None:
         return discrete.values.c
     pulley, speed = problem.giving
-    return speed / surface(problem, layout, discrete, pulley)[0]
+    return speed / (1.0 + surface(problem, layout, discrete, pulley)[0])
 
 
 def samples(problem: Problem, layout: Layout, discrete: Discrete, pieces: int = PIECES) -> Samples:
@@ -139,17 +140,17 @@ def samples(problem: Problem, layout: Layout, discrete: Discrete, pieces: int = 
             parts.append(None)
             continue
         at = problem.place[i][1]
-        x, _, _, _, _, D, p, f = found[:, at]
+        x, _, _, _, _, strain, p, f = found[:, at]
         keeping = functools.partial(_keeping, problem, equations.of(at), y[:, at], discrete.values.c)
         sigma = ends[i] + discrete.values.lengths[i] * inside[i]
-        parts.append(Sample(sigma=sigma, x=x, p=p, f=f, D=D, keeping=keeping))
+        parts.append(Sample(sigma=sigma, x=x, p=p, f=f, D=1.0 + strain, keeping=keeping))
     pressure = pressures(problem, discrete)
     resultants = []
     for index in layout.pulleys:
         on = layout.on(index)
-        stretch, place = surface(problem, layout, discrete, index)
+        strain, place = surface(problem, layout, discrete, index)
         total = float(sum(pressure[problem.place[i][1]] for i in on))
-        resultants.append(Resultants(stretch, place, total, sum(_friction(problem, discrete, i) for i in on)))
+        resultants.append(Resultants(1.0 + strain, place, total, sum(_friction(problem, discrete, i) for i in on)))
     return Samples(
         ends=ends,
         parts=tuple(parts),
@@ -170,11 +171,11 @@ def changes(scene: Scene, layout: Layout, problem: Problem, before: Discrete, af
     asked, kinds = [], []
     for discrete in (before, after):
         asked.append(_asked(scene, layout, problem, discrete))
-        _, x, y, phi, theta, kappa, D, p, f = columns(problem, discrete, placed_at(discrete.widths, inside))
-        psi, offset = theta - phi, _offsets(problem)[:, None]
+        _, x, y, phi, theta, kappa, strain, p, f = columns(problem, discrete, placed_at(discrete.widths, inside))
+        psi, offset, D = theta - phi, _offsets(problem)[:, None], 1.0 + strain
         eps, Gamma = D * np.cos(psi) - offset * kappa - 1.0, -D * np.sin(psi)
         Q = np.stack([problem.rod.b1 * eps, problem.rod.b2 * Gamma])
-        v_rel = (D * transport_rate(problem, layout, discrete) - _speeds(scene, layout, problem, discrete))[problem.contacts.parts]
+        v_rel = _sliding(scene, layout, problem, discrete, strain)[problem.contacts.parts]
         kinds.append((np.stack([x, y]), theta, D, eps, Gamma, kappa, Q, p, f, v_rel))
     errors = [np.max(np.abs(b - a)) / max(np.max(np.abs(b)), NO_FIELD) for a, b in zip(*kinds, strict=True)]
     return np.array([float(np.max(np.abs(asked[1] - asked[0]))), *errors])
@@ -188,7 +189,7 @@ def _asked(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     values = []
     for index, pulley in enumerate(scene.pulleys):
         moment = torque(problem, layout, discrete, index) / (pulley.radius * problem.tension)
-        speed = math.log(abs(surface(problem, layout, discrete, index)[0]))
+        speed = math.log(abs(1.0 + surface(problem, layout, discrete, index)[0]))
         if scene.is_published:
             return np.array([speed if pulley.omega is None else moment])
         values += [speed, moment]
@@ -212,15 +213,19 @@ def speeds(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     return tuple(
         pulley.drive.by("omega")
         if pulley.drive.kind == "omega"
-        else rate * surface(problem, layout, discrete, index)[0] / pulley.radius
+        else rate * (1.0 + surface(problem, layout, discrete, index)[0]) / pulley.radius
         for index, pulley in enumerate(scene.pulleys)
     )
 
 
-def _speeds(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -> Array:
-    """Surface speed of the pulley under each part, zero in a free one ``(parts, 1)``."""
-    omegas = speeds(scene, layout, problem, discrete)
-    return np.array([[scene.pulleys[p.pulley].radius * omegas[p.pulley] if p.touches else 0.0] for p in layout.parts])
+def _sliding(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete, strains: Array) -> Array:
+    """Sliding speed c D - R omega in each part, from the strains D - 1 ``(parts, q)``, whose differences it is."""
+    rate, on_surface = transport_rate(problem, layout, discrete), np.full((len(layout.parts), 1), -1.0)
+    for index, pulley in enumerate(scene.pulleys):
+        driven = pulley.drive.kind == "omega" and not layout.sticks(index)
+        strain = pulley.surface_speed / rate - 1.0 if driven else surface(problem, layout, discrete, index)[0]
+        on_surface[list(layout.on(index))] = strain
+    return rate * (strains - on_surface)
 
 
 def field_errors(errors: Array) -> dict[str, float]:
@@ -239,8 +244,8 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     g = np.zeros((len(layout.parts), discrete.cells, tau.size))
     g[:, :, weight > 0.0] = stretched(discrete.mesh, discrete.widths) * WEIGHTS
     weights = np.append(g.reshape(len(g), -1), np.zeros((len(g), 1)), axis=1) * discrete.values.lengths[:, None]
-    sigma, x, y, phi, theta, kappa, D, p, f = found.reshape(9, -1)
-    v_rel = rate * found[6] - _speeds(scene, layout, problem, discrete)
+    sigma, x, y, phi, theta, kappa, strain, p, f = found.reshape(9, -1)
+    v_rel = _sliding(scene, layout, problem, discrete, found[6])
     fields = Fields.from_state(
         scene.belt,
         zone=np.repeat(np.arange(len(layout.parts)), xi.size),
@@ -248,7 +253,7 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
         r=np.column_stack([x, y]),
         theta=theta,
         phi=phi,
-        D=D,
+        D=1.0 + strain,
         kappa=kappa,
         p=p,
         f=f,

@@ -297,27 +297,27 @@ class _Rows:
 
     def condition(self, condition: Condition) -> None:
         """The row of a condition."""
-        problem, values, row = self.system.problem, self.values, len(self.missed)
-        places, columns, factors, ends = [problem.place[part] for part, _ in condition.ends], [], [], []
-        contacts = problem.moved(values.moves)
-        z, cuts = [], []
-        for (part, end), (group, at) in zip(condition.ends, places, strict=True):
-            n = group.equations.size
-            z += [*(values.z[group is problem.contacts][:, at, end] / group.units), values.lengths[part]]
-            columns += [*range(self._column(part, end), self._column(part, end) + n), self.system.scalars + part]
+        system, values, row = self.system, self.values, len(self.missed)
+        problem, z, columns, factors, cuts = system.problem, [], [], [], []
+        for part, end in condition.ends:
+            group, at = problem.place[part]
+            n, column = group.equations.size, self._column(part, end)
+            z += [*group.unscaled(values.z[group is problem.contacts][:, at, end]), values.lengths[part]]
+            columns += [*range(column, column + n), system.scalars + part]
             factors += [*(1.0 / group.units), 1.0]
-            cuts.append(n)
-            ends.append(group.equations if isinstance(group.equations, Free) else contacts.of(at))
-        z.append(values.c)
-        columns.append(self.system.of_rate)
-        factors.append(1.0)
+            cuts.append(n + 1)
+        z += [values.c, *values.moves]
+        columns += [None if problem.rate is not None else system.of_rate, *range(system.of_moves, system.size)]
+        factors += [1.0] * (1 + values.moves.size)
 
         def function(v: Array) -> Array:
-            seen, start = [], 0
-            for n, equations in zip(cuts, ends, strict=True):
-                seen.append(End(v[start : start + n], v[start + n], equations))
-                start += n + 1
-            return condition.function(seen, v[-1])[None]
+            *ends, scalars = np.split(v, np.cumsum(cuts))
+            c, moves = scalars[0], scalars[1:]
+            seen = [
+                End(own[:-1], own[-1], problem.equations(part, moves))
+                for own, (part, _) in zip(ends, condition.ends, strict=True)
+            ]
+            return condition.function(seen, c)[None]
 
         v = np.array(z)[:, None, None]
         if not self.derivatives:
@@ -326,7 +326,7 @@ class _Rows:
         value, by = linearised(function, v)
         self.missed.append(float(value[0, 0, 0]))
         for column, factor, entry in zip(columns, factors, by[0, :, 0, 0], strict=True):
-            if entry != 0.0 and (column != self.system.of_rate or problem.rate is None):
+            if entry != 0.0 and column is not None:
                 self._add(row, column, float(entry * factor))
 
     def lengths(self) -> None:

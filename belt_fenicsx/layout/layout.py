@@ -100,6 +100,10 @@ class Layout:
                 touching.setdefault(part.pulley, []).append(i)
         return {pulley: range(indices[0], indices[-1] + 1) for pulley, indices in touching.items()}
 
+    def sticks(self, pulley: int) -> bool:
+        """Whether the belt sticks somewhere on a pulley."""
+        return any(self.parts[i].kind == "stick" for i in self.on(pulley))
+
     def transition(self, pulley: int) -> int:
         """The joint at which the belt leaves the pulley's speed for good: the end of its first stick part.
 

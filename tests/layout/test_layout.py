@@ -56,7 +56,7 @@ def test_as_many_equations_as_unknowns():
 
 
 def test_parts_of_several_pulleys_get_their_own_rows():
-    scene = SimpleNamespace(pulleys=(Pulley(), Pulley(torque=1.0)))
+    scene = SimpleNamespace(pulleys=(Pulley(x_trans=0.0), Pulley(torque=1.0)), closed=False, transport_rate=1.0)
     contact = [Part("stick"), Part("slip", "forward"), Part("stick", pulley=1), Part("slip", "backward", 1)]
     layout = ordered(scene, contact)
     assert [part.kind for part in layout.parts] == ["free", "stick", "slip", "free", "stick", "slip", "free"]
