@@ -14,6 +14,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.taut_string.drive import StringDrive
 from belt_fenicsx.taut_string.string import TautString
 
 EMPTY = np.zeros((0, 0, 0))
@@ -146,3 +147,24 @@ def divided(old: Problem, discrete: Discrete, new: Problem, ends: Array) -> Disc
         return result
 
     return guessed(new, np.diff(ends), discrete.values.c, discrete.values.moves, unknowns, discrete.cells)
+
+
+def from_drive(problem: Problem, string: StringDrive, cells: int = COARSE) -> Discrete:
+    """The exact string of a drive, whose parts are those of the problem."""
+    rod = problem.rod
+
+    def unknowns(part: int, place: Array) -> Array:
+        own = string.parts[part]
+        x, y, phi, D = own.at(place)
+        zero = np.zeros_like(place)
+        if own.part.touches:
+            on = problem.on(part)
+            radius, turn = on.radius[0, 0], on.turn[0, 0]
+            # The touching fibre's stretch is as much smaller as its radius is.
+            strain = D * radius / (radius + rod.offset) - 1.0
+            return np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero])
+        return np.array([x, y, phi, zero, own.force[0] * np.cos(phi), own.force[0] * np.sin(phi)])
+
+    lengths = np.array([own.length for own in string.parts])
+    moves = np.array([string.take_ups[problem.parts[take_up.parts[0]].pulley] for take_up in problem.take_ups])
+    return guessed(problem, lengths, string.rate, moves, unknowns, cells)

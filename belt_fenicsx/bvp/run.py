@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.bvp.guess import divided, from_string
+from belt_fenicsx.bvp.guess import divided, from_drive, from_string
 from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, ROUNDING, Discrete, Refined, Work, refined
 from belt_fenicsx.bvp.problem import Problem
 from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
@@ -23,7 +23,7 @@ from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import posed
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
@@ -32,6 +32,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.drive import StringDrive, string_drive
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
@@ -41,6 +42,7 @@ CONTINUATIONS = (
     ("a", (0.1, 0.3, 1.0)),
     ("a", (10.0, 3.0, 1.0)),
 )
+SOFTER = (0.01, 0.03, 0.1, 0.3, 1.0)  # Bending stiffnesses on the way from the string, over the belt's.
 SHORTEST = 1e-6  # At least this part of the contact sticks, or slides, in a first guess.
 FINE, FINELY = 32, 1e-10  # Cells, and the end of Newton's iteration, for the comparison with a limit.
 FIELD, FINEST_FIELD = 1e4, 1e-8  # A field may have this error, over that of omega, and at least.
@@ -83,14 +85,21 @@ class Run:
         return string
 
     @functools.cached_property
+    def drive(self) -> StringDrive:
+        """The exact string of a drive."""
+        return string_drive(self.scene)
+
+    @functools.cached_property
     def tension(self) -> float:
         """Typical force of the belt."""
+        if not self.scene.is_published:
+            return max(max(part.force) for part in self.drive.parts)
         return self.scene.belt.extensional_stiffness * max(float(self.string.strain.max()), LEAST_STRAIN)
 
     @property
     def winding(self) -> float:
         """Angle by which a loop turns."""
-        return 0.0
+        return self.drive.parts[-1].angles[1] - self.drive.parts[0].angles[0] if self.scene.closed else 0.0
 
     @property
     def wanted(self) -> Array:
@@ -180,6 +189,8 @@ class Run:
             SceneError: Stick cannot end at this place.
             Stopped: There is none.
         """
+        if not self.scene.is_published:
+            return self._start_from_drive()
         string = self.string
         if string.slack:
             raise Stopped(Status.CONTACT_LOST, string.slack, final=True)
@@ -196,6 +207,31 @@ class Run:
                 if (state := settle_from(run, start, "pure stick", f"lengths {why}")) is not None:
                     return state
         state = self._continued(layout)
+        return settle(self, state) if self.is_plausible(state) else state
+
+    def _start_from_drive(self) -> State:
+        """A coarse state from the exact string of a drive; where that is not enough, from a softer belt's.
+
+        Raises:
+            Stopped: There is none.
+        """
+        layout = ordered(self.scene, [own.part for own in self.drive.parts if own.part.touches])
+        problem = self.pose(layout)
+        first = State(layout, problem, from_drive(problem, self.drive, self.cells))
+        for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
+            if (state := settle_from(run, first, "string", f"lengths {why}")) is not None:
+                return state
+        iterations, near = 0, first.discrete
+        for factor in SOFTER:
+            softer = replace(problem, rod=replace(problem.rod, a=factor * problem.rod.a))
+            near = self.work.newton(softer, near, NEWTON, "softer belt", positive=True)
+            iterations += near.iterations
+            if not near.converged:
+                break
+        self.stages.ran("softer belt", "the string did not lead to a plausible solution", iterations)
+        if not near.converged:
+            raise Stopped(Status.NEWTON_DIVERGED, f"The softer belt leaves {unsolved(near)}.")
+        state = State(layout, problem, near)
         return settle(self, state) if self.is_plausible(state) else state
 
     def _continued(self, layout: Layout) -> State:
