@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,9 +12,11 @@ import numpy as np
 from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.path import taut_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.reading import at_ends, beside, fibre, force, points_on
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -35,23 +36,30 @@ class Check:
         name: What must hold.
         margin: How far it holds, relative to the natural size of the checked quantity; negative where it does not.
         tolerance: The negative margin that the discretisation is allowed.
-        x: Where the margin is smallest [m].
+        x: Where the margin is smallest; for what the whole belt must meet, where it begins [m].
+        pulley: Index of the pulley that it is about; None for the whole belt, and for an only pulley.
     """
 
     name: str
     margin: float
     tolerance: float
     x: float
+    pulley: int | None = None
 
     @property
     def holds(self) -> bool:
         """Whether the margin is within the tolerance; false for NaN."""
         return bool(self.margin >= -self.tolerance)
 
+    @property
+    def title(self) -> str:
+        """Its name, with the index of the pulley that it is about."""
+        return self.name if self.pulley is None else f"{self.name}, pulley {self.pulley}"
+
     def __str__(self) -> str:
         verdict = "holds" if self.holds else "violated"
         margin = f"margin {self.margin:.3g} at x = {self.x:.6g} m (tolerance {self.tolerance:.1g})"
-        return f"{self.name}: {verdict}, {margin}"
+        return f"{self.title}: {verdict}, {margin}"
 
 
 class Condition(NamedTuple):
@@ -59,7 +67,8 @@ class Condition(NamedTuple):
 
     Attributes:
         name: Its name.
-        kinds: Kinds of zones in which it holds.
+        pulley: Index of the pulley that it is about.
+        kinds: Kinds of zones in which it holds: free ones, and those on the pulley.
         values: The values ``(n,)``.
         size: Their size ``(n,)``.
         error: Their estimated error, of which a part `MOST` of the size counts at most.
@@ -67,6 +76,7 @@ class Condition(NamedTuple):
     """
 
     name: str
+    pulley: int
     kinds: tuple[str, ...]
     values: Array
     size: Array
@@ -81,15 +91,8 @@ def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE)
         solution: A converged solution, in the units of its scene.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
-
-    Raises:
-        SceneError: The transition was asked for outside of the contact zone that was found.
     """
-    if solution.fields is None:
-        raise ValueError("A solution without fields cannot be certified.")
-    scene, zones, fields = solution.scene, solution.zones, solution.fields
-    checks = certify(scene, zones, fields, tolerance=tolerance, balance=balance, errors=solution.field_errors)
-    checks += _drive_met(scene, solution.contacts[0], fields)
+    checks = certify(solution, tolerance=tolerance, balance=balance)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
@@ -107,54 +110,31 @@ def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
     raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
 
 
-def certify(
-    scene: Scene,
-    zones: tuple[Zone, ...],
-    fields: Fields,
-    *,
-    tolerance: float,
-    balance: float = BALANCE,
-    errors: Mapping[str, float] = MappingProxyType({}),
-) -> tuple[Check, ...]:
-    """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding and the balances.
+def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> tuple[Check, ...]:
+    """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding, the balances and the drives.
 
     Each margin is relative to the size of what it checks: friction to mu p, a sliding speed to the largest one of its
-    zone, forces to the tension.
+    zone, forces to the tension. Where there is more than one pulley below a belt without loads, the whole belt has to
+    be in balance, too.
 
     Args:
-        scene: The scene, in the units of the other arguments.
-        zones: All zones, in the direction of travel.
-        fields: Fields on both sides of each border and densely between.
+        solution: A solution with fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
-        errors: Estimated errors of fields, relative to their largest values, which a margin is allowed, too.
 
     Returns:
         One check for each condition that the zones call for.
     """
-    pulley, p_max = scene.pulleys[0], float(fields.p.max(initial=0.0))
-    arm = places(fields.r) - complex(*pulley.center)
-    everywhere = np.ones(fields.p.size)
-    conditions: list[Condition] = [
-        Condition("no penetration outside contact", ("free",), np.abs(arm) - pulley.radius, pulley.radius * everywhere),
-        Condition("positive pressure in contact", ("stick", "slip"), fields.p, p_max * everywhere),
-    ]
-    if pulley.friction > 0.0:
-        bound, f, speed = pulley.friction * fields.p, np.abs(fields.f), np.abs(fields.v_rel)
-        unknown = errors.get("f", 0.0) * float(f.max())
-        conditions.append(Condition("Coulomb's bound in stick", ("stick",), bound - f, np.abs(bound), unknown))
-        senses, largest = np.zeros(len(zones)), np.zeros(len(zones))
-        for index, zone in enumerate(zones):
-            if zone.slip is not None:
-                senses[index], largest[index] = SENSE[zone.slip], speed[fields.zone == index].max(initial=0.0)
-        ahead, unknown = senses[fields.zone] * fields.v_rel, errors.get("v_rel", 0.0) * float(speed.max())
-        least = ROUNDING * (scene.transport_rate or 1.0)
-        size = np.maximum(largest, least)[fields.zone]
-        conditions.append(Condition("sense of sliding in slip", ("slip",), ahead, size, unknown, least))
-    checks = [_borders_in_order(scene, zones), *_smallest_margins(zones, fields, conditions, tolerance)]
+    if solution.fields is None:
+        raise ValueError("A solution without fields cannot be certified.")
+    fields, errors = solution.fields, solution.field_errors
     allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
-    for name, margin in _balances(scene, fields, arm):
-        checks.append(Check(name=name, margin=margin, tolerance=allowed, x=pulley.center[0]))
+    checks = [_borders_in_order(solution), *_smallest_margins(solution, fields, tolerance)]
+    checks += _balances(solution, fields, allowed)
+    for contact in solution.contacts:
+        checks += _drive_met(solution, contact, fields)
+    if not solution.scene.is_published:
+        checks += _whole_belt(solution, fields, tolerance, allowed)
     return tuple(checks)
 
 
@@ -166,23 +146,56 @@ def transmissible(friction: float, pressure: float) -> float:
     return min(friction, 1.0) * pressure
 
 
-def _smallest_margins(
-    zones: tuple[Zone, ...],
-    fields: Fields,
-    conditions: Sequence[Condition],
-    tolerance: float,
-) -> list[Check]:
-    """Checks of conditions at all points at once, each where its margin is smallest.
+def _numbered(scene: Scene, pulley: int) -> int | None:
+    """The index of a pulley that a check is about: an only one needs none."""
+    return pulley if len(scene.pulleys) > 1 else None
+
+
+def _borders_in_order(solution: Solution) -> Check:
+    zones = solution.zones
+    lengths = np.array([zone.sigma[1] - zone.sigma[0] for zone in zones]) / solution.scene.belt.length
+    shortest = int(np.argmin(lengths))
+    return Check(name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0]))
+
+
+def _conditions(solution: Solution, fields: Fields) -> Iterator[Condition]:
+    """What holds at all points of some zones, pulley by pulley."""
+    scene, zones, errors = solution.scene, solution.zones, solution.field_errors
+    centers, everywhere = {contact.pulley: contact.center for contact in solution.contacts}, np.ones(fields.p.size)
+    f, speed, least = np.abs(fields.f), np.abs(fields.v_rel), ROUNDING * solution.transport_rate
+    unknown_f, unknown_speed = errors.get("f", 0.0) * float(f.max()), errors.get("v_rel", 0.0) * float(speed.max())
+    senses, largest = np.zeros(len(zones)), np.zeros(len(zones))
+    for i, zone in enumerate(zones):
+        if zone.slip is not None:
+            senses[i], largest[i] = SENSE[zone.slip], speed[fields.zone == i].max(initial=0.0)
+    ahead, fastest = senses[fields.zone] * fields.v_rel, np.maximum(largest, least)[fields.zone]
+    for i, pulley in enumerate(scene.pulleys):
+        gap = np.abs(fibre(scene, fields, pulley.turn) - complex(*centers.get(i, pulley.center))) - pulley.radius
+        yield Condition("no penetration outside contact", i, ("free",), gap, pulley.radius * everywhere)
+        if i not in centers:
+            continue
+        p_max, bound = float(fields.p[points_on(zones, fields, i)].max()), pulley.friction * fields.p
+        yield Condition("positive pressure in contact", i, ("stick", "slip"), fields.p, p_max * everywhere)
+        if pulley.friction > 0.0:
+            yield Condition("Coulomb's bound in stick", i, ("stick",), bound - f, np.abs(bound), unknown_f)
+            yield Condition("sense of sliding in slip", i, ("slip",), ahead, fastest, unknown_speed, least)
+
+
+def _smallest_margins(solution: Solution, fields: Fields, tolerance: float) -> list[Check]:
+    """Checks of all conditions at all points at once, each where its margin is smallest.
 
     Args:
-        zones: All zones.
-        fields: Fields, in the zones.
-        conditions: The conditions.
+        solution: The solution.
+        fields: Its fields.
         tolerance: Negative relative margin that the discretisation is allowed.
     """
-    names, kinds, *columns = zip(*conditions, strict=True)
+    names, pulleys, kinds, *columns = zip(*_conditions(solution, fields), strict=True)
     values, sizes, errors, roundings = (np.array(column) for column in columns)
-    where = np.array([[zone.kind in wanted for zone in zones] for wanted in kinds]).take(fields.zone, axis=1)
+    rows = [
+        [zone.kind in wanted and zone.pulley in (None, pulley) for zone in solution.zones]
+        for pulley, wanted in zip(pulleys, kinds, strict=True)
+    ]
+    where = np.array(rows).take(fields.zone, axis=1)
     # Without a size nothing can be told: NaN fails, and the smallest margin is NaN where one of them is.
     sizes[~(sizes > 0.0)] = math.nan
     excused = np.minimum(errors[:, None], MOST * sizes) + roundings[:, None]
@@ -193,63 +206,134 @@ def _smallest_margins(
             margin=float(values[at] / sizes[at]),
             tolerance=float(tolerance + excused[at] / sizes[at]),
             x=float(fields.x[at[1]]),
+            pulley=_numbered(solution.scene, pulley),
         )
-        for name, at in zip(names, enumerate(worst), strict=True)
+        for name, pulley, at in zip(names, pulleys, enumerate(worst), strict=True)
         if where[at]
     ]
 
 
-def _drive_met(scene: Scene, contact: Contact, fields: Fields) -> tuple[Check, ...]:
-    """Whether the place, the speed or the torque that drives the pulley is met, relative to what friction can transmit.
+def _balances(solution: Solution, fields: Fields, allowed: float) -> Iterator[Check]:
+    """Equilibrium of what lies on each pulley, between the free spans at both sides of it, integrated from (18.17).
+
+    What the pulley exerts, summed up along the contact, and the weight there have to be what the belt's forces and
+    moments in the two spans differ by. The second comes from the strains, the first from pressure and friction. The
+    defect is relative to the tension, the largest force in the belt.
+
+    Args:
+        solution: The solution.
+        fields: Its fields.
+        allowed: What the discretisation is allowed.
+    """
+    if not fields.p.any():
+        return
+    scene, zones, rate = solution.scene, solution.zones, solution.transport_rate
+    origin, N = complex(*solution.contacts[0].center), force(scene, fields, rate)
+    line_weight = scene.belt.line_density * complex(*scene.gravity)
+    arm, M = places(fields.r) - origin, fields.M - scene.belt.rotary_inertia * rate**2 * fields.kappa
+    forces, moments = at_ends(scene, zones, fields, np.array([N, M + (arm.conj() * N).imag]))
+    tension = float(np.abs(places(fields.Q)).max())
+    for contact in solution.contacts:
+        pulley, center = scene.pulleys[contact.pulley], complex(*contact.center)
+        on, number = points_on(zones, fields, contact.pulley), _numbered(scene, contact.pulley)
+        (N_up, N_off), (M_up, M_off) = (beside(scene, zones, values, contact.pulley) for values in (forces, moments))
+        load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * np.exp(1j * fields.phi[on]) * fields.weight[on]
+        arm, lever = places(fields.r)[on] - center, fibre(scene, fields, pulley.turn, on) - center
+        weight = line_weight * fields.weight[on]
+        defect = N_off - N_up + load.sum() + weight.sum()
+        # The moments at both ends are about another point, which is the centre of an only pulley.
+        twist = M_off - M_up - ((center - origin).conjugate() * (N_off - N_up)).imag
+        twist += (np.vdot(lever, load) + np.vdot(arm, weight)).imag
+        for name, missed in (
+            ("balance of forces", abs(defect) / tension),
+            ("balance of moments", abs(twist) / (tension * pulley.radius)),
+        ):
+            yield Check(name=name, margin=-float(missed), tolerance=allowed, x=contact.center[0], pulley=number)
+
+
+def _drive_met(solution: Solution, contact: Contact, fields: Fields) -> Iterator[Check]:
+    """Whether what drives the pulley is met, relative to what friction can transmit.
 
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
-    nothing sticks, any speed is met. A place is missed by its distance, relative to the contact.
+    nothing sticks, any speed is met. A place is missed by its distance, relative to the contact; an angle, relative to
+    the wrap.
     """
-    pulley, b1, drive = scene.pulleys[0], scene.belt.extensional_stiffness, scene.pulleys[0].drive
-    capacity = transmissible(pulley.friction, float(fields.weight @ fields.p))
-    if not capacity > 0.0 or isinstance(drive.value, str):
-        return ()
+    pulley, b1 = solution.scene.pulleys[contact.pulley], solution.scene.belt.extensional_stiffness
+    drive, on = pulley.drive, points_on(solution.zones, fields, contact.pulley)
+    capacity = transmissible(pulley.friction, float(fields.weight[on] @ fields.p[on]))
+    if drive.kind == "none" or not capacity > 0.0 or isinstance(drive.value, str):
+        return
     # Turns what is missed into a part of the contact, or of the force that friction can transmit.
     unit = {
         "x_trans": contact.x_off - contact.x_up,
         "torque": pulley.radius * capacity,
-        "omega": (scene.transport_rate or 1.0) / pulley.radius * capacity / b1,
+        "omega": solution.transport_rate / pulley.radius * capacity / b1,
+        "slip_angle": contact.wrap_angle,
     }[drive.kind]
-    missed = abs(getattr(contact, drive.kind) - drive.value) / unit
-    unknown = ROUNDING * max(b1 / capacity, abs(drive.value) / unit)
-    return (Check(name="drive met", margin=-missed, tolerance=DRIVE + unknown, x=contact.x_trans),)
+    wanted = drive.value + drive.drag * contact.omega
+    missed = abs(getattr(contact, drive.kind) - wanted) / unit
+    unknown = ROUNDING * max(b1 / capacity, abs(wanted) / unit)
+    yield Check(
+        name="drive met",
+        margin=-missed,
+        tolerance=DRIVE + unknown,
+        x=contact.x_trans,
+        pulley=_numbered(solution.scene, contact.pulley),
+    )
 
 
-def _balances(scene: Scene, fields: Fields, arm: Array) -> list[tuple[str, float]]:
-    """Names and margins of the equilibrium of the whole belt between its clamps, integrated from (18.17).
+def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: float) -> Iterator[Check]:
+    """Whether a loop is closed, forces and power are in balance on the whole belt, and take-ups have their force.
 
-    What the pulley exerts, summed up along the contact, has to be what the belt's forces and moments in the two free
-    spans differ by. The second comes from the strains, the first from pressure and friction. The defect is relative to
-    the tension, the largest force in the belt.
+    Forces are relative to the tension, power to that which passes through the belt.
 
     Args:
-        scene: The scene.
-        fields: Fields.
-        arm: Positions as seen from the pulley's centre, in the complex plane ``(n,)``.
+        solution: The solution.
+        fields: Its fields.
+        tolerance: What the joints are allowed.
+        allowed: What sums are allowed.
     """
-    if not fields.p.any():
-        return []
-    force = places(fields.Q) * np.exp(1j * fields.theta)
-    load = (fields.f + 1j * fields.p) * np.exp(1j * fields.phi) * fields.weight
-    moment = fields.M + (arm.conj() * force).imag
-    # Constant in a free span; its mean is what a fixed mesh holds in equilibrium where it does not resolve the layers.
-    up, off = fields.zone.searchsorted([1, fields.zone[-1]])
-    first, last = (fields.weight[span] / fields.weight[span].sum() for span in (slice(up), slice(off, None)))
-    defect = load.sum() + last @ force[off:] - first @ force[:up]
-    twist = np.vdot(arm, load).imag + last @ moment[off:] - first @ moment[:up]
-    tension = np.abs(force).max()
-    return [
-        ("balance of forces", -float(abs(defect) / tension)),
-        ("balance of moments", -float(abs(twist) / (tension * scene.pulleys[0].radius))),
-    ]
+    scene, belt, rate, start = solution.scene, solution.scene.belt, solution.transport_rate, float(fields.x[0])
+    tension, N = float(np.abs(places(fields.Q)).max()), force(scene, fields, rate)
+    clamped, r = complex(N[-1] - N[0]), places(fields.r)
+    delivered = rate * float(np.diff(_carried(scene, fields, rate))[0])
+    if scene.closed:
+        path = taut_path(scene)
+        turn = path.lines[-1].angle - path.arcs[0].start
+        gap = max(abs(r[-1] - r[0]) / belt.length, abs(fields.theta[-1] - fields.theta[0] - turn))
+        yield Check(name="loop closed", margin=-float(gap), tolerance=tolerance, x=start)
+        # A loop has no clamps that could hold what is missing.
+        clamped, delivered = 0j, 0.0
+    weight = belt.line_density * belt.length * complex(*scene.gravity)
+    hubs = sum(complex(*contact.hub_force) for contact in solution.contacts)
+    yield Check(
+        name="balance of hub loads", margin=-abs(clamped + weight - hubs) / tension, tolerance=allowed, x=start
+    )
+    lost = sum(contact.power for contact in solution.contacts) + solution.losses - delivered
+    yield Check(name="balance of power", margin=-abs(lost) / (tension * rate), tolerance=allowed, x=start)
+    for contact in solution.contacts:
+        pulley = scene.pulleys[contact.pulley]
+        if pulley.take_up is not None and pulley.force is not None:
+            missed = abs(along(pulley.take_up, complex(*contact.hub_force)) + pulley.force) / tension
+            yield Check(
+                name="force of the take-up",
+                margin=-missed,
+                tolerance=tolerance,
+                x=contact.center[0],
+                pulley=_numbered(scene, contact.pulley),
+            )
 
 
-def _borders_in_order(scene: Scene, zones: tuple[Zone, ...]) -> Check:
-    lengths = np.array([zone.sigma[1] - zone.sigma[0] for zone in zones]) / scene.belt.length
-    shortest = int(np.argmin(lengths))
-    return Check(name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0]))
+def _carried(scene: Scene, fields: Fields, rate: float) -> Array:
+    """What the belt carries along at its ends: c times its change is the power that the clamps put in ``(2,)`` [N].
+
+    With the energy L of strain less that of motion, N.r' + M* theta' - L + rhoA g.r changes by - q.r_c' alone: by the
+    power of friction on the fibre that touches.
+    """
+    ends = np.array([0, -1])
+    eps, Gamma, kappa, M = (getattr(fields, name)[ends] for name in ("eps", "Gamma", "kappa", "M"))
+    Q1, Q2 = fields.Q[ends].T
+    strained = Q1 * (1.0 + eps / 2) + (Q2 * Gamma + M * kappa) / 2
+    belt, line_weight = scene.belt, scene.belt.line_density * np.array(scene.gravity)
+    moving = rate**2 / 2 * (belt.line_density * ((1.0 + eps) ** 2 + Gamma**2) + belt.rotary_inertia * kappa**2)
+    return strained - moving + fields.r[ends] @ line_weight

@@ -79,8 +79,7 @@ def contacts_and_spans(
             _counted_on((ends[i][end] - center) * pulley.turn / 1j, phi[i][end])
             for i, end in ((first, 0), (sticks[-1], 1) if sticks else (first, 0), (last, 1))
         )
-        before = N[first - 1][1] if first or scene.closed else N[first][0]
-        after = N[last + 1][0] if last + 1 < len(zones) else N[last][1]
+        before, after = beside(scene, zones, N, index)
         contacts.append(
             Contact(
                 pulley=index,
@@ -100,7 +99,7 @@ def contacts_and_spans(
                 hub_force=_vector(after - before + line_weight * (touching[-1].sigma[1] - touching[0].sigma[0])),
                 sliding_loss=sum(float(slid[parts[i]].sum()) for i in on if zones[i].kind == "slip"),
                 capacity=math.nan if capacities is None else capacities[index],
-                take_up=_along(pulley.take_up, center - complex(*pulley.center)),
+                take_up=along(pulley.take_up, center - complex(*pulley.center)),
                 zones=touching,
             )
         )
@@ -136,18 +135,47 @@ def end_points(fields: Fields, zones: int) -> Array:
 
 
 def at_ends(scene: Scene, zones: Sequence[Zone], fields: Fields, values: Array) -> Array:
-    """Values of what loads alone change at both ends of each zone ``(len(zones), 2)``.
+    """What loads alone change, at both ends of each zone ``(..., len(zones), 2)``.
 
-    In a free span without gravity they are constant; their mean is what a fixed mesh holds in equilibrium where it does
-    not resolve the layers.
+    In a free span without gravity it is constant; its mean is what a fixed mesh holds in equilibrium where it does not
+    resolve the layers.
+
+    Args:
+        scene: The scene.
+        zones: All zones.
+        fields: The fields.
+        values: Values at the points ``(..., n)``.
     """
     points = end_points(fields, len(zones))
-    found = values[points]
+    found = values[..., points]
     if not any(scene.gravity):
         for i, part in enumerate(_slices(points)):
             if zones[i].pulley is None:
-                found[i] = fields.weight[part] @ values[part] / fields.weight[part].sum()
+                weight = fields.weight[part]
+                found[..., i, :] = (values[..., part] @ weight / weight.sum())[..., None]
     return found
+
+
+def beside(scene: Scene, zones: Sequence[Zone], ends: Any, pulley: int) -> tuple[Any, Any]:
+    """Values at the end of the span before a pulley and at the start of the one behind it.
+
+    Args:
+        scene: The scene.
+        zones: All zones.
+        ends: Values at both ends of each zone.
+        pulley: Index of the pulley. Where the belt touches it next to a clamp, there is no span on that side.
+    """
+    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
+    before = ends[on[0] - 1][1] if on[0] or scene.closed else ends[0][0]
+    after = ends[on[-1] + 1][0] if on[-1] + 1 < len(zones) else ends[-1][1]
+    return before, after
+
+
+def points_on(zones: Sequence[Zone], fields: Fields, pulley: int) -> slice:
+    """The points from the run-up to the run-off of a pulley."""
+    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
+    first, end = fields.zone.searchsorted([on[0], on[-1] + 1]).tolist()
+    return slice(first, end)
 
 
 def _slices(points: Array) -> list[slice]:
@@ -169,8 +197,8 @@ def _vector(place: complex) -> tuple[float, float]:
     return place.real, place.imag
 
 
-def _along(direction: tuple[float, float] | None, way: complex) -> float:
-    """How far a way leads in a direction; zero without one."""
+def along(direction: tuple[float, float] | None, way: complex) -> float:
+    """Component of a vector in a direction; zero without one."""
     return 0.0 if direction is None else (way * complex(*direction).conjugate()).real / math.hypot(*direction)
 
 
