@@ -283,30 +283,47 @@ def _inside(cells: int) -> tuple[Array, Array]:
 
 def seen(solution: Solution) -> str:
     """What a state that is not admissible looks like, and where."""
-    failed = {check.name: check.x for check in solution.checks if not check.holds}
-    (contact,), sentences = solution.contacts, []
-    if "borders in order" in failed:
-        clamp = solution.scene.span / 2
-        if contact.x_up >= contact.x_off:
-            return f"The contact shrinks to a point near x = {(contact.x_up + contact.x_off) / 2:.6g} m."
-        reached = contact.x_up <= -clamp or contact.x_off >= clamp
-        return (
-            "The contact reaches a clamp."
-            if reached
-            else f"A zone shrinks to nothing at x = {failed['borders in order']:.6g} m."
-        )
-    if (x := failed.get("positive pressure in contact")) is not None:
-        near = 0.01 * (contact.x_off - contact.x_up)
-        side = "the run-up" if x < contact.x_up + near else "the run-off" if x > contact.x_off - near else None
-        where = f"next to {side}" if side else "inside of the contact, which is not one arc"
-        sentences.append(f"The belt would lift off {where}, at x = {x:.6g} m, where the pressure is negative.")
-    if (x := failed.get("no penetration outside contact")) is not None:
-        side = "before the run-up" if x < contact.x_up else "behind the run-off"
-        sentences.append(f"The free span {side} would go through the pulley at x = {x:.6g} m.")
-    if sentences:
-        return " ".join(sentences)
-    if (x := failed.get("Coulomb's bound in stick")) is not None:
-        sentences.append(f"Friction does not suffice for stick at x = {x:.6g} m.")
-    if (x := failed.get("sense of sliding in slip")) is not None:
-        sentences.append(f"The belt would slide the other way at x = {x:.6g} m.")
-    return " ".join(sentences)
+    failed, several = [check for check in solution.checks if not check.holds], len(solution.contacts) > 1
+    by_name = {check.name: check for check in reversed(failed)}
+    if "borders in order" in by_name:
+        return _out_of_order(solution, by_name["borders in order"].x)
+    sentences, contacts = [], {contact.pulley: contact for contact in solution.contacts}
+    for check in failed:
+        contact = contacts.get(check.pulley or 0)
+        if contact is None:
+            continue
+        on, x = f" on pulley {contact.pulley}" if several else "", check.x
+        near = 0.01 * abs(contact.x_off - contact.x_up)
+        side = (
+            "next to the run-up" if abs(x - contact.x_up) < near
+            else "next to the run-off" if abs(x - contact.x_off) < near
+            else "inside of the contact, which is not one arc"
+        )  # fmt: skip
+        way = "The free span before the run-up" if x < contact.x_up else "The free span behind the run-off"
+        said = {
+            "positive pressure in contact": f"The belt would lift off{on} {side}, at x = {x:.6g} m, where the pressure "
+            "is negative.",
+            "no penetration outside contact": f"A free span would go through pulley {contact.pulley} at x = {x:.6g} m."
+            if several
+            else f"{way} would go through the pulley at x = {x:.6g} m.",
+            "Coulomb's bound in stick": f"Friction does not suffice for stick{on} at x = {x:.6g} m.",
+            "sense of sliding in slip": f"The belt would slide the other way{on} at x = {x:.6g} m.",
+        }
+        if check.name in said:
+            sentences.append((list(said).index(check.name) < 2, said[check.name]))
+    # Where the shape is wrong, friction says no more.
+    shapes = [text for of_shape, text in sentences if of_shape]
+    return " ".join(shapes or [text for _, text in sentences])
+
+
+def _out_of_order(solution: Solution, x: float) -> str:
+    """What has borders out of order."""
+    for contact in solution.contacts:
+        on = f" with pulley {contact.pulley}" if len(solution.contacts) > 1 else ""
+        if contact.zones[0].sigma[0] >= contact.zones[-1].sigma[1]:
+            return f"The contact{on} shrinks to a point near x = {(contact.x_up + contact.x_off) / 2:.6g} m."
+    if not solution.scene.closed:
+        half, zones = solution.scene.belt.length / 2, solution.zones
+        if zones[0].sigma[1] <= -half or zones[-1].sigma[0] >= half:
+            return "The contact reaches a clamp."
+    return f"A zone shrinks to nothing at x = {x:.6g} m."
