@@ -153,25 +153,35 @@ class OnPulleys:
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         """Derivatives of the unknowns ``(5, ...)``."""
-        return self._rates(rod, y, c, self.slides * self.onset(rod, y, c, self.slope))[0]
+        return self._balanced(rod, y, c)[:5]
+
+    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
+        """Pressure p and friction f ``(...)`` each."""
+        *_, f, p = self._balanced(rod, y, c)
+        return p, np.where(self.slides > 0.0, -self.slope * p, f)
 
     def onset(self, rod: Rod, y: Array, c: Array, slope: Array) -> Array:
         """Rate of D in sliding with a friction of ``-slope`` times the pressure ``(...)``.
 
         It is zero where sliding passes into stick with continuous friction.
         """
-        none = np.zeros_like(y[0])
-        (_, p, f), (_, p_one, f_one) = (self._rates(rod, y, c, none + rate) for rate in (0.0, 1.0))
-        return -(f + slope * p) / (f_one - f + slope * (p_one - p))
+        return self._sliding(rod, y, c, slope)[0]
 
-    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
-        """Pressure p and friction f ``(...)`` each."""
-        _, p, f = self._rates(rod, y, c, self.slides * self.onset(rod, y, c, self.slope))
-        return p, np.where(self.slides > 0.0, -self.slope * p, f)
+    def _balanced(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Derivatives of the unknowns, the last of which is friction, and the pressure ``(6, ...)``."""
+        stretch_rate, kept, gained = self._sliding(rod, y, c, self.slope)
+        return kept + self.slides * stretch_rate * gained
+
+    def _sliding(self, rod: Rod, y: Array, c: Array, slope: Array) -> tuple[Array, Array, Array]:
+        """The rate of D with which f + slope p vanishes; all rates with D kept, and what each unit of its rate adds."""
+        none = np.zeros_like(y[0])
+        kept = self._rates(rod, y, c, none)
+        gained = self._rates(rod, y, c, none + 1.0) - kept
+        return -(kept[4] + slope * kept[5]) / (gained[4] + slope * gained[5]), kept, gained
 
     def keeping(self, rod: Rod, y: Array, c: Array) -> Array:
         """Friction that would keep the stretch ``(...)``."""
-        return self._rates(rod, y, c, np.zeros_like(y[0]))[2]
+        return self._rates(rod, y, c, np.zeros_like(y[0]))[4]
 
     def joined(self, rod: Rod, y: Array, c: Array) -> Array:
         """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
@@ -205,8 +215,8 @@ class OnPulleys:
         Gamma = -(1.0 + strain) * np.sin(psi)
         return eps, Gamma, b1 * eps + strainless, b2 * Gamma
 
-    def _rates(self, rod: Rod, y: Array, c: Array, stretch_rate: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of the unknowns, pressure and friction, with a given rate of D."""
+    def _rates(self, rod: Rod, y: Array, c: Array, stretch_rate: Array) -> Array:
+        """Derivatives of the unknowns, the last of which is friction, and the pressure, with a given rate of D."""
         phi, psi, kappa, strain, _ = y
         a, b1, b2, _ = rod.shifted(c)
         d, D, theta = self.turn * rod.offset, 1.0 + strain, phi + psi
@@ -223,4 +233,4 @@ class OnPulleys:
         q1 = b1 * (eps_rate - d * kappa_rate) - kappa * N2 + w1
         q2 = kappa * N1 - b2 * (stretch_rate * sin + D * cos * psi_rate) + w2
         f, p = q2 * sin - q1 * cos, -self.turn * (q1 * sin + q2 * cos)
-        return np.array([phi_rate, psi_rate, kappa_rate, stretch_rate + 0.0 * phi, f]), p, f
+        return np.array([phi_rate, psi_rate, kappa_rate, stretch_rate + 0.0 * phi, f, p])

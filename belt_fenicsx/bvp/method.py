@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.bvp.guess import from_fields
+from belt_fenicsx.bvp.guess import divided, from_fields
 from belt_fenicsx.bvp.newton import COARSE, Refined
 from belt_fenicsx.bvp.reading import FIELDS, answer, field_errors, seen
 from belt_fenicsx.bvp.run import Run
@@ -155,7 +155,8 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
         return None
     problem = run.pose(layout)
     if isinstance(initial.state, State):
-        near = initial.state.discrete.on(problem, run.cells)
+        known = initial.state.discrete
+        near = divided(initial.state.problem, known, problem, known.ends).on(problem, run.cells)
     else:
         near = from_fields(problem, initial, run.cells)
     state = settle_from(run, State(layout, problem, near), "warm start", "from the given solution")
