@@ -118,7 +118,7 @@ def answer(
         checked = agreed(comm, check, lambda checked: repr((scene, checked)))
     else:
         checked = check()
-    if not touches(scene):
+    if scene.is_published and not touches(scene):
         return finish(straight_belt(scene, method), throw=throw)
     checked |= {"comm": comm, "initial": initial}
     with interrupts.defer():

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.layout.revision import Samples
-from belt_fenicsx.scene.pulley import Slip
+from belt_fenicsx.scene.pulley import RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, transmissible
@@ -88,6 +91,47 @@ def check_capacity(method: Method[S], slip: S, index: int) -> None:
             f"N m, which the given torque exceeds by {-100.0 * exceeds / capacity:.3g} %.",
             final=True,
         )
+
+
+def beyond_capacity(method: Method[S], near: S, layout: Layout, ends: Array, index: int) -> Stopped:
+    """What to say of a drive in which the belt would slide all along a pulley, from the state in which it does.
+
+    The largest of the given torques is left open then: it is what can be transmitted, with the others as they are.
+
+    Args:
+        method: The solve.
+        near: A state near by.
+        layout: Its layout, with sliding all along the pulley.
+        ends: Ends of its parts.
+        index: The pulley.
+    """
+    scene, unit = method.scene, method.units.of(length=1, force=1)
+    load = max(range(len(scene.pulleys)), key=lambda i: abs(scene.pulleys[i].torque or 0.0))
+    given = scene.pulleys[load].torque or 0.0
+    pulleys = [replace(p, torque=None, drag=0.0) if i == load else p for i, p in enumerate(scene.pulleys)]
+    # Forces do not depend on the transport rate, nor on the speed of what slides all along.
+    pulleys[index] = replace(pulleys[index], omega=None, x_trans=RUN_UP, slip=layout.parts[layout.on(index)[0]].slip)
+    limit = method.at(scene.altered(pulleys=tuple(pulleys), transport_rate=1.0))
+    failed = Stopped(
+        Status.NEWTON_DIVERGED,
+        f"The belt slides all along pulley {index}, whose speed is given: its load may be more than friction can transmit.",
+    )
+    try:
+        rows = ordered(limit.scene, [part for part in layout.parts if part.touches])
+        state = limit.converge(limit.transfer(near, rows, ends), "capacity", f"now {rows}")
+    except Stopped:
+        return failed
+    method.stages.ran("capacity", f"sliding all along pulley {index}", limit.stages.iterations)
+    transmitted = [-p.radius * r.friction for p, r in zip(scene.pulleys, limit.samples(state).pulleys, strict=True)]
+    if not limit.is_plausible(state) or given / transmitted[load] < 1.0:
+        return failed
+    return Stopped(
+        Status.CAPACITY_EXCEEDED,
+        f"Sliding all along pulley {index}, the belt transmits {transmitted[load] * unit:.6g} N m to pulley {load}, which "
+        f"the given torque exceeds by {100.0 * (given / transmitted[load] - 1.0):.3g} %; pulley {index} gets "
+        f"{transmitted[index] * unit:.6g} N m.",
+        final=True,
+    )
 
 
 def check_smooth(scene: Scene) -> None:
