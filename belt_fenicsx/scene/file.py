@@ -16,10 +16,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from belt_fenicsx.scene.belt import STIFFNESSES, Belt, StiffnessBelt
+from belt_fenicsx.scene.belt import INERTIA, STIFFNESSES, Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.pulley import Pulley
-from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.scene.scene import FITS, Scene
 
 SECTION = ("youngs_modulus", "poisson_ratio", "thickness", "width")
 
@@ -28,10 +28,30 @@ DECIMAL_COMMA = re.compile(r"=\s*[-+]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 
 # A value that is set takes the place of those that say the same thing in another way.
 REPLACES = {
-    "x_trans": ("omega", "torque"),
-    "omega": ("x_trans", "slip", "torque"),
-    "torque": ("x_trans", "slip", "omega"),
+    "x_trans": ("omega", "torque", "drag", "slip_angle"),
+    "omega": ("x_trans", "slip", "torque", "drag", "slip_angle"),
+    "torque": ("x_trans", "slip", "omega", "slip_angle"),
+    "slip_angle": ("x_trans", "omega", "torque", "drag"),
     **dict.fromkeys(STIFFNESSES, SECTION),
+}
+# The same, by whole paths.
+REPLACES_AT = {
+    "belt.length": ("elongation", "tension"),
+    "elongation": ("belt.length", "tension"),
+    "tension": ("belt.length", "elongation"),
+    "clamps": ("span",),
+    "span": ("clamps",),
+}
+
+# What is not there unless it is given.
+ABSENT: Mapping[str, Any] = {
+    "density": 0.0,
+    **dict.fromkeys(INERTIA, 0.0),
+    "contact_offset": 0.0,
+    "side": "right",
+    "drag": 0.0,
+    "closed": False,
+    "gravity": (0.0, 0.0),
 }
 
 
@@ -39,8 +59,8 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     """Reads a scene from a TOML file.
 
     Args:
-        path: The file, with `[belt]`, `[[pulleys]]`, `span` and `transport_rate`; what is left out has the default of
-            `Scene`. `[belt]` holds either the measures of the cross-section or the three stiffnesses.
+        path: The file, with `[belt]`, `[[pulleys]]` and the other names of `Scene`; what is left out has its default.
+            `[belt]` holds either the measures of the cross-section or the three stiffnesses.
 
     Raises:
         SceneError: The file cannot be read, is no TOML, or does not describe a scene.
@@ -117,19 +137,28 @@ def scene_from_dict(data: Mapping[str, Any]) -> Scene:
         if not isinstance(values["pulleys"], list | tuple):
             raise SceneError("pulleys", "be an array of tables, each under `[[pulleys]]`", values["pulleys"])
         values["pulleys"] = tuple(_pulley(pulley, f"pulleys.{i}") for i, pulley in enumerate(values["pulleys"]))
+    for name in FITS:
+        if name in values and "length" in data.get("belt", {}):
+            raise SceneError("belt.length", f"be left out beside `{name}`, which fits it", data["belt"]["length"])
     return Scene(**values)
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """The scene as plain data, without what is not given; `scene_from_dict` makes an equal scene of it."""
-    return _plain(scene)
+    data: dict[str, Any] = _plain(scene)
+    if not scene.has_span:
+        del data["span"]
+    if any(name in data for name in FITS):
+        del data["belt"]["length"]
+    return data
 
 
 def with_values(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """The scene with some values replaced, all at once.
 
-    A drive (``x_trans``, ``omega`` or ``torque``) takes the place of the former one, and stiffnesses take the place of
-    the measures of the cross-section.
+    A drive (``x_trans``, ``omega``, ``torque`` or ``slip_angle``) takes the place of the former one, stiffnesses take
+    the place of the measures of the cross-section, and the belt's ``length``, ``elongation`` and ``tension`` that of
+    each other, as do ``span`` and ``clamps``.
 
     Args:
         scene: The scene to start from; it stays as it is.
@@ -138,10 +167,12 @@ def with_values(scene: Scene, values: Mapping[str, Any]) -> Scene:
     Raises:
         SceneError: A path leads nowhere, or the new values do not make a scene.
     """
-    data = scene_to_dict(scene)
+    data = {"gravity": [0.0, 0.0], **scene_to_dict(scene)}
     for path in values:
         parent, name = _parent(data, path)
-        for other in REPLACES.get(name, ()):
+        beside = path.removesuffix(name)
+        others = [f"{beside}{other}" for other in REPLACES.get(name, ())]
+        for parent, other in (_parent(data, other) for other in (*others, *REPLACES_AT.get(path, ()))):
             if isinstance(parent, dict):
                 parent.pop(other, None)
     for path, value in values.items():
@@ -195,10 +226,10 @@ def table(value: Any, path: str) -> Mapping[str, Any]:
 
 def _belt(values: Mapping[str, Any]) -> Belt | StiffnessBelt:
     _check_names(values, {**_names(Belt), **_names(StiffnessBelt)}, "belt.")
-    given = [name for name in STIFFNESSES if name in values]
+    given = [name for name in (*STIFFNESSES, *INERTIA) if name in values]
     if not given:
         return _made(Belt, values, "belt")
-    for name in SECTION:
+    for name in (*SECTION, "density"):
         if name in values:
             raise SceneError(f"belt.{name}", f"be left out beside `belt.{given[0]}`", values[name])
     for name, quantity in STIFFNESSES.items():
@@ -259,5 +290,5 @@ def _parent(data: dict[str, Any], path: str) -> tuple[Any, str]:
 def _plain(value: Any) -> Any:
     if is_dataclass(value):
         given = {f.name: getattr(value, f.name) for f in fields(value) if f.init}
-        return {name: _plain(item) for name, item in given.items() if item is not None}
+        return {name: _plain(item) for name, item in given.items() if item is not None and item != ABSENT.get(name)}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 FULL_TURN = 2.0 * math.pi
 ROUNDING = 1e-9  # of angles [rad] and of ratios of lengths
-CLAMPS = ("left clamp", "right clamp")  # as errors call them, whatever their places
+CLAMPS = ("the first clamp", "the last clamp")
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,11 @@ class Arc:
     def length(self) -> float:
         """Length of the arc [m]."""
         return self.radius * self.wrap
+
+    @property
+    def pull(self) -> Point:
+        """Force of the belt on the pulley where its tension is one: tangent at the run-off less that at the run-up."""
+        return math.cos(self.end) - math.cos(self.start), math.sin(self.end) - math.sin(self.start)
 
     def at(self, angle: float) -> Point:
         """Where the tangent has this angle [m]."""
@@ -112,7 +117,7 @@ class Path:
     @property
     def length(self) -> float:
         """Length of the whole path [m]."""
-        return sum(part.length for part in (*self.arcs, *self.lines))
+        return sum(arc.length for arc in self.arcs) + sum(line.length for line in self.lines)
 
 
 @dataclass(frozen=True)
@@ -167,19 +172,13 @@ def tangent_path(scene: Scene, centers: Sequence[Point] | None = None) -> Path:
 
 
 def _check_overlaps(scene: Scene, rounds: Sequence[_Round]) -> None:
-    """Pulleys apart from each other, and room for the belt where it runs between two."""
+    """That no two pulleys are at the same place."""
     pulleys = rounds if scene.closed else rounds[1:-1]
-    for (i, one), (j, other) in itertools.combinations(enumerate(pulleys), 2):
-        distance, least = math.dist(one.center, other.center), scene.pulleys[i].radius + scene.pulleys[j].radius
+    for (one, a), (other, b) in itertools.combinations(zip(pulleys, scene.pulleys, strict=True), 2):
+        distance, least = math.dist(one.center, other.center), a.radius + b.radius
         if distance <= least:
             expected = f"be more than {least:g} [m], both radii, away from that of {one.name} (they overlap)"
-            raise SceneError(f"pulleys.{j}.center", expected, Verbatim(f"{distance:g} [m]"))
-    for one, other in _neighbours(rounds, scene.closed):
-        distance, least = math.dist(one.center, other.center), abs(one.reach - other.reach)
-        if distance <= least:
-            name = f"pulleys.{pulleys.index(other if other in pulleys else one)}.center"
-            expected = f"be more than {least:g} [m] away from that of {one.name}, for the belt to run between them"
-            raise SceneError(name, expected, Verbatim(f"{distance:g} [m]"))
+            raise SceneError(f"{other.name}.center", expected, Verbatim(f"{distance:g} [m]"))
 
 
 def _check_contacts(scene: Scene, rounds: Sequence[_Round], path: Path) -> None:
@@ -224,21 +223,21 @@ def _check_room(path: Path) -> None:
 
 def near_angle(angle: float, to: float) -> float:
     """The angle of the same direction that is nearest to another one [rad]."""
-    return to + math.remainder(angle - to, FULL_TURN)
+    return angle + FULL_TURN * round((to - angle) / FULL_TURN)
 
 
 def _rounds(scene: Scene, centers: Sequence[Point] | None) -> list[_Round]:
     """What the path touches, in the order of travel."""
     offset = scene.belt.contact_offset
     pulleys = [
-        _Round(center, pulley.turn * (pulley.radius + offset), f"`pulleys.{index}`")
+        _Round(center, pulley.turn * (pulley.radius + offset), f"pulleys.{index}")
         for index, (pulley, center) in enumerate(
             zip(scene.pulleys, centers or [pulley.center for pulley in scene.pulleys], strict=True)
         )
     ]
     if scene.closed:
         return pulleys
-    first, last = (_Round((x, y), 0.0, f"the {name}") for name, (x, y, _) in zip(CLAMPS, scene.ends, strict=True))
+    first, last = (_Round((x, y), 0.0, name) for name, (x, y, _) in zip(CLAMPS, scene.ends, strict=True))
     return [first, *pulleys, last]
 
 
@@ -251,8 +250,16 @@ def _touched(center: Point, reach: float, angle: float) -> Point:
 
 
 def _tangent(one: _Round, other: _Round) -> Line:
-    """The straight span from one round to the other; there is one where neither is inside of the other."""
-    distance = math.dist(one.center, other.center)
-    angle = math.atan2(other.center[1] - one.center[1], other.center[0] - one.center[0])
-    angle -= math.asin((one.reach - other.reach) / distance)
+    """The straight span from one round to the other.
+
+    Raises:
+        SceneError: One is inside of the other, or there is no room between them.
+    """
+    across = (other.center[0] - one.center[0], other.center[1] - one.center[1])
+    distance, apart = math.hypot(*across), one.reach - other.reach
+    if distance <= abs(apart):
+        pulley, beside = (other, one) if other.reach else (one, other)
+        expected = f"be more than {abs(apart):g} [m] away from that of {beside.name}, for the belt to run between them"
+        raise SceneError(f"{pulley.name}.center", expected, Verbatim(f"{distance:g} [m]"))
+    angle = math.atan2(across[1], across[0]) - math.asin(apart / distance)
     return Line(_touched(one.center, one.reach, angle), _touched(other.center, other.reach, angle), angle)

@@ -7,15 +7,23 @@ no answer depends on the units of the question.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from belt_fenicsx.scene.belt import INERTIA, OFFSET, STIFFNESSES, Belt, StiffnessBelt
-from belt_fenicsx.scene.checks import SceneError, pair, positive, store
+from belt_fenicsx.scene.checks import SceneError, Verbatim, number, pair, positive, store
+from belt_fenicsx.scene.consistency import check_drives, check_on_path
+from belt_fenicsx.scene.path import Path, near_angle, taut_path
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.units import Quantity, Units
 
 GRAVITY = Quantity(unit="m/s^2", text="gravity", length=-1, rate=2)
+FITS = {  # what fits the belt's length
+    "elongation": Quantity(unit="-", text="elongation"),
+    "tension": Quantity(unit="N", text="tension", force=1),
+}
 Clamp = tuple[float, float, float]
 
 
@@ -58,18 +66,27 @@ class Scene:
         if not isinstance(self.pulleys, tuple | list) or not all(isinstance(p, Pulley) for p in self.pulleys):
             raise SceneError("pulleys", "be a tuple of Pulley", self.pulleys)
         pulleys = tuple(self.pulleys)
+        if not pulleys:
+            raise SceneError("pulleys", "hold at least one pulley", Verbatim("none"))
+        if not isinstance(self.closed, bool):
+            raise SceneError("closed", "be true or false", self.closed)
         if not self.closed and len(pulleys) == 1 and pulleys[0].drive.kind == "none":
-            pulleys = (replace(pulleys[0], x_trans=0.0),)
+            pulleys = (_changed(pulleys[0], "pulleys.0", x_trans=0.0),)
         rate = 1.0 if self.transport_rate is None and not self.closed else self.transport_rate
         store(
             self,
             pulleys=pulleys,
             span=positive("span", self.span, "m"),
+            clamps=self._checked_clamps(),
             gravity=pair("gravity", self.gravity, "(gx, gy)", "m/s^2"),
             transport_rate=None if rate is None else positive("transport_rate", rate, "m/s"),
         )
         for index, pulley in enumerate(self.pulleys):
             self._check_clearance(index, pulley)
+        strain = self._checked_strain()
+        # Nothing of what follows can be wrong in the source's scenes, which are made again and again.
+        if strain is not None or not self.is_published:
+            self._lay_out(strain)
 
     @property
     def ends(self) -> tuple[Clamp, Clamp]:
@@ -85,9 +102,70 @@ class Scene:
         more = self.closed or self.clamps or len(self.pulleys) != 1 or loads
         return not (more or pulley.side == "left" or pulley.take_up or pulley.drag or pulley.slip_angle is not None)
 
+    @property
+    def has_span(self) -> bool:
+        """Whether `span` says where the clamps are."""
+        return not self.closed and self.clamps is None
+
+    def _checked_clamps(self) -> tuple[Clamp, Clamp] | None:
+        clamps = self.clamps
+        if (self.closed or clamps is not None) and self.span != 1.0:
+            where = "in a loop" if self.closed else "beside `clamps`"
+            raise SceneError("span", f"be left out {where}, where it has no meaning", self.span)
+        if clamps is None:
+            return None
+        if self.closed:
+            raise SceneError("clamps", "be left out in a loop", clamps)
+        if not _is_list(clamps, 2) or not all(_is_list(clamp, 3) for clamp in clamps):
+            raise SceneError("clamps", "be two triples (x, y, angle) [m, m, rad]", clamps)
+        first, last = (
+            (number(f"clamps.{i}.0", x, "m"), number(f"clamps.{i}.1", y, "m"), number(f"clamps.{i}.2", angle, "rad"))
+            for i, (x, y, angle) in enumerate(clamps)
+        )
+        return first, last
+
+    def _checked_strain(self) -> float | None:
+        """Strain of the taut belt at rest, if it is asked for."""
+        given = {name: value for name in FITS if (value := getattr(self, name)) is not None}
+        for index, pulley in enumerate(self.pulleys if given else ()):
+            if pulley.take_up:
+                expected = f"be left out beside `pulleys.{index}.take_up`, whose force makes the tension"
+                raise SceneError(next(iter(given)), expected, next(iter(given.values())))
+        if len(given) > 1:
+            raise SceneError("tension", "be left out beside `elongation`, from which it follows", self.tension)
+        for name, value in given.items():
+            store(self, **{name: positive(name, value, FITS[name].unit)})
+        if self.tension is not None:
+            return self.tension / self.belt.extensional_stiffness
+        return self.elongation
+
+    def _lay_out(self, strain: float | None) -> None:
+        """Lays the belt over its pulleys, taut: fits its length and checks what is to be seen then."""
+        published = self.is_published
+        if not published:
+            check_drives(self)
+        path = taut_path(self)
+        if strain is not None:
+            store(self, belt=_changed(self.belt, "belt", length=path.length / (1.0 + strain)))
+        if not published:
+            check_on_path(self, path)
+        if not self.closed:
+            self._count_angles(path)
+
+    def _count_angles(self, path: Path) -> None:
+        """Counts the clamps' angles on along the belt, whatever full turns they were given with."""
+        counted = tuple(
+            (x, y, near_angle(angle, line.angle))
+            for (x, y, angle), line in zip(self.ends, (path.lines[0], path.lines[-1]), strict=True)
+        )
+        if counted != self.ends:
+            store(self, clamps=counted, span=1.0)
+
     def _check_clearance(self, index: int, pulley: Pulley) -> None:
-        for side, (x, y, _) in zip(("left", "right"), () if self.closed else self.ends, strict=False):
-            distance = math.dist((x, y), pulley.center)
+        if self.closed:
+            return
+        for side, (x, y, _) in zip(("first", "last") if self.clamps else ("left", "right"), self.ends, strict=True):
+            distance = math.dist((x, y), pulley.center) - self.belt.contact_offset
             if distance <= pulley.radius:
                 raise SceneError(
                     f"pulleys.{index}.radius",
@@ -111,14 +189,18 @@ class Scene:
             length=1.0, **{name: getattr(self.belt, name) / quantity.scale(units) for name, quantity in named.items()}
         )
         clamps = self.clamps and tuple((x / units.length, y / units.length, angle) for x, y, angle in self.clamps)
-        scene = Scene(
+        # What was checked together stays as good as it was in any units, and need not be checked again.
+        scene = copy.copy(self)
+        store(
+            scene,
             belt=belt,
             pulleys=tuple(pulley.dimensionless(units) for pulley in self.pulleys),
-            span=self.span / units.length,
-            clamps=clamps,  # type: ignore[arg-type]
-            closed=self.closed,
-            gravity=tuple(component / GRAVITY.scale(units) for component in self.gravity),  # type: ignore[arg-type]
+            span=positive("span", self.span / units.length, "-") if self.has_span else self.span,
+            clamps=clamps,
+            gravity=tuple(component / GRAVITY.scale(units) for component in self.gravity),
             transport_rate=None if self.transport_rate is None else 1.0,
+            elongation=None,
+            tension=None,
         )
         return scene, units
 
@@ -126,3 +208,15 @@ class Scene:
         if self.transport_rate is not None:
             return self.transport_rate
         return next(pulley.radius * pulley.omega for pulley in self.pulleys if pulley.omega)
+
+
+def _changed(part: Any, path: str, **values: float) -> Any:
+    """A part of a scene with other values; what is wrong with them is named by its path."""
+    try:
+        return replace(part, **values)
+    except SceneError as error:
+        raise error.within(path) from None
+
+
+def _is_list(value: object, length: int) -> bool:
+    return isinstance(value, tuple | list) and len(value) == length
