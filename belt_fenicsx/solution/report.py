@@ -129,9 +129,7 @@ def as_html(solution: Solution) -> str:
 def _html_table(rows: list[list[str]]) -> str:
     """A table whose first row has the titles."""
     tags = ["th", *["td"] * (len(rows) - 1)]
-    cells = [
-        [f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row] for tag, row in zip(tags, rows, strict=True)
-    ]
+    cells = [[f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row] for tag, row in zip(tags, rows, strict=True)]
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in map(''.join, cells))}</table>"
 
 
