@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,9 +14,9 @@ from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.path import taut_path
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import at_ends, beside, fibre, force, points_on
+from belt_fenicsx.solution.reading import along, at_ends, beside, fibre, force, points_on
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -306,9 +306,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
         clamped, delivered = 0j, 0.0
     weight = belt.line_density * belt.length * complex(*scene.gravity)
     hubs = sum(complex(*contact.hub_force) for contact in solution.contacts)
-    yield Check(
-        name="balance of hub loads", margin=-abs(clamped + weight - hubs) / tension, tolerance=allowed, x=start
-    )
+    yield Check(name="balance of hub loads", margin=-abs(clamped + weight - hubs) / tension, tolerance=allowed, x=start)
     lost = sum(contact.power for contact in solution.contacts) + solution.losses - delivered
     yield Check(name="balance of power", margin=-abs(lost) / (tension * rate), tolerance=allowed, x=start)
     for contact in solution.contacts:

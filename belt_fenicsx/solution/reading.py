@@ -103,8 +103,14 @@ def contacts_and_spans(
                 zones=touching,
             )
         )
-    spans = (_span(zone, fields, part, rate) for zone, part in zip(zones, parts, strict=True) if zone.pulley is None)
-    return tuple(contacts), tuple(spans)
+    tension = (fields.Q[:, 0] * (1.0 + fields.eps) + fields.Q[:, 1] * fields.Gamma) / fields.D
+    free = (i for i, zone in enumerate(zones) if zone.pulley is None)
+    return tuple(contacts), tuple(_span(zones[i], fields, tension, parts[i], rate) for i in free)
+
+
+def goes_along_x(scene: Scene) -> bool:
+    """Whether the coordinate x tells places on the belt apart: on one pulley between clamps."""
+    return not scene.closed and len(scene.pulleys) == 1
 
 
 def force(scene: Scene, fields: Fields, rate: float) -> Array:
@@ -147,13 +153,14 @@ def at_ends(scene: Scene, zones: Sequence[Zone], fields: Fields, values: Array) 
         values: Values at the points ``(..., n)``.
     """
     points = end_points(fields, len(zones))
-    found = values[..., points]
-    if not any(scene.gravity):
-        for i, part in enumerate(_slices(points)):
-            if zones[i].pulley is None:
-                weight = fields.weight[part]
-                found[..., i, :] = (values[..., part] @ weight / weight.sum())[..., None]
-    return found
+    ends = values[..., points]
+    if any(scene.gravity):
+        return ends
+    sums, lengths = (
+        np.add.reduceat(summed, points[:, 0], axis=-1) for summed in (values * fields.weight, fields.weight)
+    )
+    free = np.array([zone.pulley is None for zone in zones])
+    return np.where(free[:, None], (sums / lengths)[..., None], ends)
 
 
 def beside(scene: Scene, zones: Sequence[Zone], ends: Any, pulley: int) -> tuple[Any, Any]:
@@ -202,27 +209,27 @@ def along(direction: tuple[float, float] | None, way: complex) -> float:
     return 0.0 if direction is None else (way * complex(*direction).conjugate()).real / math.hypot(*direction)
 
 
-def _span(zone: Zone, fields: Fields, part: slice, rate: float) -> Span:
-    sigma, r, D, along = fields.sigma[part], places(fields.r)[part], fields.D[part], 1.0 + fields.eps[part]
-    tension = (fields.Q[part, 0] * along + fields.Q[part, 1] * fields.Gamma[part]) / D
-    chord, start = complex(r[-1] - r[0]), float(fields.phi[part.start])
-    weights, near = _weights(sigma, (sigma[0] + sigma[-1]) / 2)
+def _span(zone: Zone, fields: Fields, tension: Array, part: slice, rate: float) -> Span:
+    sigma, r, tension = fields.sigma[part], places(fields.r)[part], tension[part]
+    chord, (near, weights) = complex(r[-1] - r[0]), _middle(sigma)
     return Span(
         sigma=zone.sigma,
         length=zone.sigma[1] - zone.sigma[0],
         tension=(float(tension[0]), float(weights @ tension[near]), float(tension[-1])),
-        speed=rate * float(weights @ D[near]),
+        speed=rate * float(weights @ fields.D[part][near]),
         sag=float(np.abs(((r - r[0]) * chord.conjugate()).imag).max()) / (abs(chord) or math.nan),
-        angle=_counted_on(chord, start),
+        angle=_counted_on(chord, float(fields.phi[part.start])),
     )
 
 
-def _weights(x: Array, place: float) -> tuple[Array, slice]:
-    """Weights of the values at a few points round a place, and these points: Lagrange's interpolation."""
-    first = max(0, min(int(x.searchsorted(place)) - NEAR // 2, x.size - NEAR))
+def _middle(x: Array) -> tuple[slice, list[float]]:
+    """A few points round the middle, and the weights of the values there: Lagrange's interpolation."""
+    middle = (x[0] + x[-1]) / 2
+    first = max(0, min(int(x.searchsorted(middle)) - NEAR // 2, x.size - NEAR))
     near = slice(first, first + NEAR)
-    ways = x[near] - place
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factors = ways / (ways - ways[:, None])
-    np.fill_diagonal(factors, 1.0)
-    return factors.prod(axis=1), near
+    ways = (x[near] - middle).tolist()
+    weights = [
+        math.prod(other / ((other - way) or math.nan) for j, other in enumerate(ways) if j != i)
+        for i, way in enumerate(ways)
+    ]
+    return near, weights
