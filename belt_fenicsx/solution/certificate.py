@@ -12,7 +12,7 @@ import numpy as np
 from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.path import taut_path
+from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
@@ -298,7 +298,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
     clamped, r = complex(N[-1] - N[0]), places(fields.r)
     delivered = rate * float(np.diff(_carried(scene, fields, rate))[0])
     if scene.closed:
-        path = taut_path(scene)
+        path = tangent_path(scene)
         turn = path.lines[-1].angle - path.arcs[0].start
         gap = max(abs(r[-1] - r[0]) / belt.length, abs(fields.theta[-1] - fields.theta[0] - turn))
         yield Check(name="loop closed", margin=-float(gap), tolerance=tolerance, x=start)
