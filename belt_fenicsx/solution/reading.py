@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -26,8 +27,8 @@ def zones_of(scene: Scene, parts: Sequence[Part], fields: Fields) -> tuple[Zone,
         parts: What the belt does in each zone.
         fields: The fields.
     """
-    pulleys, points = [part.pulley if part.touches else None for part in parts], end_points(fields, len(parts))
-    sigma, x = fields.sigma[points].tolist(), _borders(scene, pulleys, fields, points).real.tolist()
+    pulleys, points = [part.pulley if part.touches else None for part in parts], _end_points(parts_of(fields, parts))
+    sigma, x = fields.sigma[points].reshape(-1, 2).tolist(), _borders(scene, pulleys, fields, points).real.tolist()
     return tuple(
         Zone(kind=part.kind, slip=part.slip, pulley=pulleys[i], sigma=tuple(sigma[i]), x=tuple(x[i]))
         for i, part in enumerate(parts)
@@ -60,26 +61,25 @@ def contacts_and_spans(
         borders: Ends of the zones, those of the touching fibre on a pulley, in the complex plane ``(len(zones), 2)``;
             by default, the first and the last points of the zones.
     """
-    points = end_points(fields, len(zones))
+    parts = parts_of(fields, zones)
     if borders is None:
-        borders = _borders(scene, [zone.pulley for zone in zones], fields, points)
-    ends, phi, parts = borders.tolist(), fields.phi[points].tolist(), _slices(points)
-    N = at_ends(scene, zones, fields, force(scene, fields, rate)).tolist()
+        borders = _borders(scene, [zone.pulley for zone in zones], fields, _end_points(parts))
+    ends, N = borders.tolist(), force(scene, fields, rate)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
     slid = fields.weight * np.abs(fields.f * fields.v_rel)
     contacts = []
     for index, pulley in enumerate(scene.pulleys):
-        on = [i for i, zone in enumerate(zones) if zone.pulley == index]
+        on = on_pulley(zones, index)
         if not on:
             continue
         first, last, touching = on[0], on[-1], tuple(zones[i] for i in on)
         center = complex(*(pulley.center if centers is None else centers[index]))
         sticks = [i for i in on if zones[i].kind == "stick"]
         up, left, off = (
-            _counted_on((ends[i][end] - center) * pulley.turn / 1j, phi[i][end])
+            _counted_on((ends[i][end] - center) * pulley.turn / 1j, float(fields.phi[parts[i]][-end]))
             for i, end in ((first, 0), (sticks[-1], 1) if sticks else (first, 0), (last, 1))
         )
-        before, after = beside(scene, zones, N, index)
+        before, after = beside(scene, fields, parts, on, N)
         contacts.append(
             Contact(
                 pulley=index,
@@ -134,65 +134,54 @@ def fibre(scene: Scene, fields: Fields, turn: Any, at: Any = slice(None)) -> Arr
     return r - 1j * offset * turn * np.exp(1j * fields.theta[at]) if offset else r
 
 
-def end_points(fields: Fields, zones: int) -> Array:
-    """Indices of the first and the last point of each zone ``(zones, 2)``."""
-    starts = fields.zone.searchsorted(np.arange(zones + 1))
-    return np.column_stack([starts[:-1], starts[1:] - 1])
+def parts_of(fields: Fields, zones: Sequence[Any]) -> list[slice]:
+    """The points of each zone."""
+    starts = fields.zone.searchsorted(range(len(zones) + 1)).tolist()
+    return [slice(start, end) for start, end in itertools.pairwise(starts)]
 
 
-def at_ends(scene: Scene, zones: Sequence[Zone], fields: Fields, values: Array) -> Array:
-    """What loads alone change, at both ends of each zone ``(..., len(zones), 2)``.
+def on_pulley(zones: Sequence[Zone], pulley: int) -> list[int]:
+    """Indices of the zones on a pulley."""
+    return [i for i, zone in enumerate(zones) if zone.pulley == pulley]
 
-    In a free span without gravity it is constant; its mean is what a fixed mesh holds in equilibrium where it does not
-    resolve the layers.
+
+def arc(parts: Sequence[slice], on: Sequence[int]) -> slice:
+    """The points on a pulley, of which these are the zones."""
+    return slice(parts[on[0]].start, parts[on[-1]].stop)
+
+
+def beside(
+    scene: Scene, fields: Fields, parts: Sequence[slice], on: Sequence[int], values: Array
+) -> tuple[complex, complex]:
+    """What loads alone change, at the end of the span before a pulley and at the start of the one behind it.
+
+    In a span without gravity it is constant; its mean is what a fixed mesh holds in equilibrium where it does not
+    resolve the layers. Where the belt touches the pulley next to a clamp, there is no span on that side.
 
     Args:
         scene: The scene.
-        zones: All zones.
         fields: The fields.
-        values: Values at the points ``(..., n)``.
+        parts: The points of each zone.
+        on: Indices of the zones on the pulley.
+        values: Values at all points ``(n,)``.
     """
-    points = end_points(fields, len(zones))
-    ends = values[..., points]
+    before = parts[on[0] - 1] if on[0] or scene.closed else slice(0, 1)
+    after = parts[on[-1] + 1] if on[-1] + 1 < len(parts) else slice(-1, None)
     if any(scene.gravity):
-        return ends
-    sums, lengths = (
-        np.add.reduceat(summed, points[:, 0], axis=-1) for summed in (values * fields.weight, fields.weight)
-    )
-    free = np.array([zone.pulley is None for zone in zones])
-    return np.where(free[:, None], (sums / lengths)[..., None], ends)
+        return complex(values[before][-1]), complex(values[after][0])
+    first, last = fields.weight[before], fields.weight[after]
+    return complex(values[before] @ first / first.sum()), complex(values[after] @ last / last.sum())
 
 
-def beside(scene: Scene, zones: Sequence[Zone], ends: Any, pulley: int) -> tuple[Any, Any]:
-    """Values at the end of the span before a pulley and at the start of the one behind it.
-
-    Args:
-        scene: The scene.
-        zones: All zones.
-        ends: Values at both ends of each zone.
-        pulley: Index of the pulley. Where the belt touches it next to a clamp, there is no span on that side.
-    """
-    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
-    before = ends[on[0] - 1][1] if on[0] or scene.closed else ends[0][0]
-    after = ends[on[-1] + 1][0] if on[-1] + 1 < len(zones) else ends[-1][1]
-    return before, after
-
-
-def points_on(zones: Sequence[Zone], fields: Fields, pulley: int) -> slice:
-    """The points from the run-up to the run-off of a pulley."""
-    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
-    first, end = fields.zone.searchsorted([on[0], on[-1] + 1]).tolist()
-    return slice(first, end)
-
-
-def _slices(points: Array) -> list[slice]:
-    return [slice(first, last + 1) for first, last in points.tolist()]
-
-
-def _borders(scene: Scene, pulleys: Sequence[int | None], fields: Fields, points: Array) -> Array:
+def _borders(scene: Scene, pulleys: Sequence[int | None], fields: Fields, points: Sequence[int]) -> Array:
     """Places of the zones' ends, those of the touching fibre on a pulley ``(len(pulleys), 2)``."""
     turns = [0.0 if pulley is None else scene.pulleys[pulley].turn for pulley in pulleys]
-    return fibre(scene, fields, np.array(turns)[:, None], points)
+    return fibre(scene, fields, np.repeat(turns, 2), points).reshape(-1, 2)
+
+
+def _end_points(parts: Sequence[slice]) -> list[int]:
+    """The first and the last point of each part."""
+    return [point for part in parts for point in (part.start, part.stop - 1)]
 
 
 def _counted_on(direction: complex, near: float) -> float:
