@@ -96,12 +96,11 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
         check_smooth(dimensionless)
         state = _find(run, initial)
         omega = dimensionless.pulleys[0].omega
-        contacts, spans, zones, fields = answer(state.problem, dimensionless, state.discrete, omega)
+        contacts, zones, fields = answer(state.problem, dimensionless, state.discrete, omega)
         solution = replace(
             solution,
             transport_rate=1.0,
             contacts=contacts,
-            spans=spans,
             zones=zones,
             fields=fields,
             error_estimate=float(run.refinement.errors[0]),

@@ -17,9 +17,9 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.pulley import Slip as Sense
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Span, Zone
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans
+from belt_fenicsx.solution.reading import contacts_of
 from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # intervals of each zone at least, for the fields
@@ -161,8 +161,8 @@ def field_errors(errors: Array) -> dict[str, float]:
 
 def answer(
     problem: Problem, scene: Scene, discrete: Discrete, omega: float | None = None
-) -> tuple[tuple[Contact, ...], tuple[Span, ...], tuple[Zone, ...], Fields]:
-    """Contacts, spans, zones and fields of a dimensionless solution, at the speed of stick if not another."""
+) -> tuple[tuple[Contact, ...], tuple[Zone, ...], Fields]:
+    """Contacts, zones and fields of a dimensionless solution, at the speed of stick if not another."""
     xi = discrete.finer(math.ceil(DENSE / (discrete.mesh.size - 1)))
     table, zones = columns(problem, discrete, places(discrete.widths, xi)), []
     for i, zone in enumerate(problem.zones):
@@ -187,8 +187,8 @@ def answer(
         v_rel=D - problem.rod.radius * omega,
     )
     torques = (torque(problem, discrete),)
-    contacts, spans = contacts_and_spans(scene, zones, fields, rate=1.0, omegas=(omega,), torques=torques)
-    return contacts, spans, tuple(zones), fields
+    contacts = contacts_of(scene, zones, fields, rate=1.0, omegas=(omega,), torques=torques)
+    return contacts, tuple(zones), fields
 
 
 def seen(solution: Solution) -> str:

@@ -35,7 +35,7 @@ def zones_of(scene: Scene, parts: Sequence[Part], fields: Fields) -> tuple[Zone,
     )
 
 
-def contacts_and_spans(
+def contacts_of(
     scene: Scene,
     zones: Sequence[Zone],
     fields: Fields,
@@ -46,8 +46,8 @@ def contacts_and_spans(
     centers: Sequence[tuple[float, float]] | None = None,
     capacities: Sequence[float] | None = None,
     borders: Array | None = None,
-) -> tuple[tuple[Contact, ...], tuple[Span, ...]]:
-    """Contacts with the pulleys that are touched, in their order, and the free spans.
+) -> tuple[Contact, ...]:
+    """Contacts with the pulleys that are touched, in their order.
 
     Args:
         scene: The scene, in the units of the other arguments.
@@ -103,9 +103,19 @@ def contacts_and_spans(
                 zones=touching,
             )
         )
-    tension = (fields.Q[:, 0] * (1.0 + fields.eps) + fields.Q[:, 1] * fields.Gamma) / fields.D
-    free = (i for i, zone in enumerate(zones) if zone.pulley is None)
-    return tuple(contacts), tuple(_span(zones[i], fields, tension, parts[i], rate) for i in free)
+    return tuple(contacts)
+
+
+def spans_of(zones: Sequence[Zone], fields: Fields, rate: float) -> tuple[Span, ...]:
+    """The free spans.
+
+    Args:
+        zones: All zones, in the direction of travel.
+        fields: The fields.
+        rate: Transport rate c.
+    """
+    rows = zip(zones, parts_of(fields, zones), strict=True)
+    return tuple(_span(zone, fields, part, rate) for zone, part in rows if zone.pulley is None)
 
 
 def goes_along_x(scene: Scene) -> bool:
@@ -198,8 +208,8 @@ def along(direction: tuple[float, float] | None, way: complex) -> float:
     return 0.0 if direction is None else (way * complex(*direction).conjugate()).real / math.hypot(*direction)
 
 
-def _span(zone: Zone, fields: Fields, tension: Array, part: slice, rate: float) -> Span:
-    sigma, r, tension = fields.sigma[part], places(fields.r)[part], tension[part]
+def _span(zone: Zone, fields: Fields, part: slice, rate: float) -> Span:
+    sigma, r, tension = fields.sigma[part], places(fields.r)[part], fields.tension[part]
     chord, (near, weights) = complex(r[-1] - r[0]), _middle(sigma)
     return Span(
         sigma=zone.sigma,

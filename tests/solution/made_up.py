@@ -11,7 +11,7 @@ from belt_fenicsx.layout.arrays import vectors
 from belt_fenicsx.layout.kind import FREE, Part
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans, zones_of
+from belt_fenicsx.solution.reading import contacts_of, zones_of
 
 POINTS = 201  # of each part
 RADIUS, DISTANCE, FRICTION, RATE = 0.1, 0.4, 0.5, 3.0
@@ -92,11 +92,11 @@ def two_pulleys(side="right", turned=0.0, moved=0j, certificate=True, **changed)
         v_rel=RATE * columns["D"] - speeds[zone],
     )  # fmt: skip
     zones = zones_of(scene, parts, fields)
-    contacts, spans = contacts_and_spans(
+    contacts = contacts_of(
         scene, zones, fields, rate=RATE, omegas=omegas, torques=(torque, -torque), capacities=(120.0, math.nan)
     )
     solution = Solution(
-        scene=scene, method="made up", status=Status.SOLVED, transport_rate=RATE, contacts=contacts, spans=spans,
+        scene=scene, method="made up", status=Status.SOLVED, transport_rate=RATE, contacts=contacts,
         zones=zones, fields=fields,
     )  # fmt: skip
     return certified(solution, tolerance=1e-9, balance=1e-7) if certificate else solution
