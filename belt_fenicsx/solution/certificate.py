@@ -16,7 +16,7 @@ from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import along, arc, beside, fibre, force, on_pulley, parts_of
+from belt_fenicsx.solution.reading import along, arc, beside, directions, fibre, force, on_pulley, parts_of
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def _balances(solution: Solution, fields: Fields, parts: Sequence[slice], allowe
         pulley, zones_on = scene.pulleys[contact.pulley], on_pulley(zones, contact.pulley)
         on, arm, number = arc(parts, zones_on), r - complex(*contact.center), _numbered(scene, contact.pulley)
         before, after = beside(scene, fields, parts, zones_on, N)
-        load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * np.exp(1j * fields.phi[on]) * fields.weight[on]
+        load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * directions(fields.phi[on]) * fields.weight[on]
         defect = after - before + load.sum()
         before, after = beside(scene, fields, parts, zones_on, M + (arm.conj() * N).imag)
         lever = fibre(scene, fields, pulley.turn, on) - complex(*contact.center)

@@ -124,7 +124,8 @@ class Contact:
         scaled: dict[str, Any] = {}
         for name, quantity in ALL.items():
             value, scale = getattr(self, name), quantity.scale(units)
-            scaled[name] = (value[0] * scale, value[1] * scale) if isinstance(value, tuple) else value * scale
+            if scale != 1.0:
+                scaled[name] = (value[0] * scale, value[1] * scale) if isinstance(value, tuple) else value * scale
         return replace(self, zones=tuple(zone.in_units(units) for zone in self.zones), **scaled)
 
     def __repr__(self) -> str:
