@@ -7,6 +7,7 @@ R + e. With T = b1 (D - 1) and the centrifugal action of the moving belt, what s
 
 so that an angle |ln(F_off / F_up)| / mu of the wrap slides before the run-off, forward where F grows. The torque on the
 pulley is (R + e) (F_off - F_up); its surface moves with the touching fibre, at c D (R / (R + e)) where the belt sticks.
+Friction acts on that fibre, so that R int f makes this torque: mu is to be taken R / (R + e) times as large.
 The unknowns are F in each span and, in a loop, c; the equations one for each pulley, what drives it, and the length.
 
 1. Newton's iteration for all pulleys that stick somewhere.
@@ -145,13 +146,16 @@ def at_capacity(scene: Scene, index: int, sense: Slip) -> tuple[Scene, int]:
     Raises:
         Stopped: No torque can be left open.
     """
-    pulleys, driven = list(scene.pulleys), scene.pulleys[index].drive.kind == "omega"
-    loads = [i for i, p in enumerate(pulleys) if p.drive.kind == "torque" and (driven or i == index)]
+    pulleys = list(scene.pulleys)
+    # Where the transport rate is given, so is that of a pulley which is driven by its speed: nothing else depends on it.
+    driven = scene.pulleys[index].drive.kind == "omega" and scene.transport_rate is None
+    loads = [i for i, p in enumerate(pulleys) if p.drive.kind == "torque"] if driven else [index]
     if not loads:
         raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
     load = max(loads, key=lambda i: abs(pulleys[i].torque or 0.0))
-    pulleys[load] = replace(pulleys[load], torque=None, drag=0.0)
-    pulleys[index] = replace(pulleys[index], omega=None, x_trans=RUN_UP, slip=sense)
+    undriven = {"x_trans": None, "omega": None, "torque": None, "drag": 0.0, "slip_angle": None, "slip": None}
+    pulleys[load] = replace(pulleys[load], **undriven)
+    pulleys[index] = replace(pulleys[index], **{**undriven, "x_trans": RUN_UP, "slip": sense})
     if not driven:
         return scene.altered(pulleys=tuple(pulleys)), load
     limit = scene.altered(pulleys=tuple(pulleys), transport_rate=1.0)
@@ -272,7 +276,9 @@ class _Chain:
         self.after = np.arange(count) if scene.closed else np.arange(count) + 1
         self.radius = np.array([arc.radius for arc in path.arcs])
         self.wrap = np.array([arc.wrap for arc in path.arcs])
-        self.friction = np.array([pulley.friction for pulley in scene.pulleys])
+        self.friction = np.array(
+            [p.friction * p.radius / arc.radius for p, arc in zip(scene.pulleys, path.arcs, strict=True)]
+        )
         self.lines = np.array([line.length for line in path.lines])
         self.rate = scene.transport_rate
 
@@ -331,7 +337,7 @@ class _Chain:
         omega = c * stretch[self.before] / self.radius[:, None]
         for i, (pulley, arc) in enumerate(zip(self.scene.pulleys, self.path.arcs, strict=True)):
             if i in self.slips:
-                rows.append(off[i] - up[i] * math.exp(SENSE[self.slips[i]] * pulley.friction * arc.wrap))
+                rows.append(off[i] - up[i] * math.exp(SENSE[self.slips[i]] * self.friction[i] * arc.wrap))
                 continue
             drive = pulley.drive
             if drive.kind == "none":
@@ -342,7 +348,7 @@ class _Chain:
                 rows.append(arc.radius * (off[i] - up[i]) - drive.by("torque") - drive.drag * omega[i])
             else:
                 angle = 0.0 if pulley.friction == 0.0 else _slip_angle(pulley, arc)
-                rows.append(off[i] - up[i] * math.exp(SENSE[drive.slip or "forward"] * pulley.friction * angle))
+                rows.append(off[i] - up[i] * math.exp(SENSE[drive.slip or "forward"] * self.friction[i] * angle))
         rows.append(self._length(F, c, up, off) - self.scene.belt.length)
         return np.array(rows)
 
@@ -429,7 +435,7 @@ class _Chain:
             rows = [(sticks, arc.wrap - angle), (slides, angle)]
         made, phi, F = [], arc.start, up
         for part, turned in rows:
-            rate = pulley.friction * part.sense
+            rate = float(self.friction[i]) * part.sense
             end, after = phi - arc.turn * turned, F * math.exp(rate * turned)
             ends = tuple(float(self.stretch(np.asarray(force), np.asarray(self.c))) for force in (F, after))
             b1, shifted = self._stiffnesses
