@@ -27,7 +27,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -146,10 +147,10 @@ class OnPulleys:
     size = 5
     bending = 2
 
-    def of(self, part: int) -> OnPulleys:
+    def of(self, part: int) -> Self:
         """One of the parts alone."""
-        one = slice(part, part + 1)
-        return OnPulleys(self.radius[one], self.center[:, one], self.turn[one], self.slope[one], self.slides[one])
+        own = {f.name: getattr(self, f.name)[..., part : part + 1, :] for f in fields(self)}
+        return replace(self, **own)
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         """Derivatives of the unknowns ``(5, ...)``."""
@@ -234,3 +235,41 @@ class OnPulleys:
         q2 = kappa * N1 - b2 * (stretch_rate * sin + D * cos * psi_rate) + w2
         f, p = q2 * sin - q1 * cos, -self.turn * (q1 * sin + q2 * cos)
         return np.array([phi_rate, psi_rate, kappa_rate, stretch_rate + 0.0 * phi, f, p])
+
+
+@dataclass(frozen=True)
+class Creeping(OnPulleys):
+    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p tanh((D - S) / width).
+
+    S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction is
+    nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told before.
+
+    Attributes:
+        friction: mu ``(parts, 1)``.
+        width: Difference of stretches at which friction is large ``(parts, 1)``.
+    """
+
+    friction: Array
+    width: Array
+
+    size = 6
+
+    def grip(self, y: Array) -> Array:
+        """Part of mu p that friction is, positive where the belt slides forward ``(...)``."""
+        return np.tanh((y[3] - y[5]) / self.width)
+
+    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Derivatives of the unknowns ``(6, ...)``."""
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y))
+        return np.concatenate([(kept + stretch_rate * gained)[:5], np.zeros_like(y[:1])])
+
+    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
+        """Pressure p and friction f ``(...)`` each."""
+        slope = self.friction * self.grip(y)
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, slope)
+        p = (kept + stretch_rate * gained)[5]
+        return p, -slope * p
+
+    def joined(self, rod: Rod, y: Array, c: Array) -> Array:
+        """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
+        return super().joined(rod, y[:5], c)

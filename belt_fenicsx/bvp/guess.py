@@ -139,7 +139,7 @@ def divided(old: Problem, discrete: Discrete, new: Problem, ends: Array) -> Disc
         for i in np.unique(index):
             here = index == i
             inside = np.clip((sigma[here] - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
-            result[:, here] = old_values(int(i), inside)
+            result[:, here] = old_values(int(i), inside)[:5]
         result[4] = 0.0
         if new.parts[part].kind == "stick":
             sticks = [i for i in on if old.parts[i].kind == "stick"]
@@ -162,7 +162,8 @@ def from_drive(problem: Problem, string: StringDrive, cells: int = COARSE) -> Di
             radius, turn = on.radius[0, 0], on.turn[0, 0]
             # The touching fibre's stretch is as much smaller as its radius is.
             strain = D * radius / (radius + rod.offset) - 1.0
-            return np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero])
+            known = np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero, zero + strain[0]])
+            return known[: on.size]
         return np.array([x, y, phi, zero, own.force[0] * np.cos(phi), own.force[0] * np.sin(phi)])
 
     lengths = np.array([own.length for own in string.parts])

@@ -147,6 +147,7 @@ class System:
         _, rows, cols, entries = self._boundary(values, derivatives=True)
         blocks.append((np.array(rows) + row, np.array(cols), np.array(entries)))
         i, j, v = (np.concatenate(column) for column in zip(*blocks, strict=True))
+        assert i.max() + 1 == self.size, f"as many equations as unknowns on {[str(p) for p in self.problem.parts]}"
         matrix = csc_matrix((v, (i, j)), shape=(self.size, self.size))
         return Linear((cells[0], cells[1]), splu(matrix))
 

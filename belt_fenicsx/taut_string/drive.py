@@ -38,7 +38,6 @@ CONVERGED = 1e-13  # Steps that are no larger, relative to the largest force, en
 RATES = 8  # Corrections of the transport rate at a limit.
 LEAST = 0.2  # A step leaves at least this part of each force.
 LEAST_STRAIN = 1e-4  # A string that would be slack starts from this strain.
-ENTRY, BACK, EXIT, MOST = 4.0, 10.0, 1.0, 0.3  # Sliding of a touching fibre, in layers; the part that it takes, at most.
 NOTHING = 1e-12  # An angle that is no larger, in parts of the wrap, does not slide.
 MOVED = 1e-7  # Displacement for differences of take-ups, in lengths of the belt.
 
@@ -88,14 +87,6 @@ class StringPart:
         phi = self.angles[0] - arc.turn * turned
         reach = arc.turn * arc.radius
         return arc.center[0] - reach * np.sin(phi), arc.center[1] + reach * np.cos(phi), phi, D
-
-    def piece(self, start: float, end: float, part: Part) -> StringPart:
-        """A piece of a part that sticks, between fractions of its length, of which the belt may do something else."""
-        x, y, phi, _ = self.at(np.array([start, end]))
-        (x0, x1), (y0, y1), (phi0, phi1) = x.tolist(), y.tolist(), phi.tolist()
-        return replace(
-            self, part=part, length=(end - start) * self.length, angles=(phi0, phi1), start=(x0, y0), end=(x1, y1)
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,29 +179,18 @@ def capacities(scene: Scene, string: StringDrive) -> tuple[float, ...]:
     return tuple(found)
 
 
-def touching(string: StringDrive, layer: float) -> StringDrive:
-    """The string as a first guess for a belt whose touching fibre is off its middle line.
-
-    That fibre is shorter where the belt is bent on a pulley, and longer before and behind: it slides forward in a layer
-    at both ends. On a free idler, it slides backward for a while before the run-off, so that the torques vanish together.
-
-    Args:
-        string: The string.
-        layer: Length in which shear dies out on a pulley.
-    """
+def undivided(string: StringDrive) -> StringDrive:
+    """The string with a single part on each pulley, as a first guess, whose stretch is that at its run-up."""
     parts: list[StringPart] = []
-    for own, after in zip(string.parts, (*string.parts[1:], string.parts[0]), strict=True):
-        if own.part.kind != "stick":
-            parts.append(own)
-            continue
-        ahead = Part("slip", "forward", own.part.pulley)
-        up = min(ENTRY * layer / own.length, MOST)
-        if after.part.touches:
-            rows = [(ahead, 0.0, up), (own.part, up, 1.0)]
+    for own in string.parts:
+        if parts and own.part.touches and parts[-1].part.touches:
+            first = parts[-1]
+            angles = (first.angles[0], own.angles[1])
+            parts[-1] = replace(first, length=first.length + own.length, angles=angles, end=own.end)
+        elif own.part.touches:
+            parts.append(replace(own, part=Part("slip", "forward", own.part.pulley), rate=0.0))
         else:
-            back, off = (1.0 - min(reach * layer / own.length, part) for reach, part in ((BACK, MOST), (EXIT, MOST / 3)))
-            rows = [(ahead, 0.0, up), (own.part, up, back), (ahead.turned, back, off), (ahead, off, 1.0)]
-        parts += [own.piece(start, end, part) for part, start, end in rows]
+            parts.append(own)
     return replace(string, parts=tuple(parts))
 
 
