@@ -221,11 +221,14 @@ class Run:
         layout = ordered(self.scene, [own.part for own in self.drive.parts if own.part.touches])
         problem = self.pose(layout)
         first = State(layout, problem, from_drive(problem, self.drive, self.cells))
-        if (state := settle_from(self, first, "string", "its rows and fields")) is not None:
+        # What the string leads to on the coarsest mesh is no answer where another one is tried.
+        if self.cells == COARSE and (state := settle_from(self, first, "string", "its rows and fields")) is not None:
             return state
         if (crept := self._crept()) is not None:
             if (state := settle_from(self, crept, "creep", f"its rows, {crept.layout}")) is not None:
                 return state
+        if (state := settle_from(self, first, "string", "its rows and fields")) is not None:
+            return state
         raise Stopped(Status.NEWTON_DIVERGED, "Neither the string nor a belt that creeps leads to a plausible state.")
 
     def _crept(self) -> State | None:
