@@ -1,8 +1,8 @@
 """Where the belt sticks and where it slides, from friction that grows with the speed of sliding.
 
 Each pulley is one part then, and no joint has to be guessed. The width in which friction grows is made smaller, step by
-step; at last, where it is nearly all of mu p, the belt slides, and sticks elsewhere. That is a first guess of the layout
-and of all fields on it.
+step; at last, where it is nearly all of mu p, the belt slides, and sticks elsewhere. That is a first guess of the
+layout and of all fields on it.
 """
 
 from __future__ import annotations

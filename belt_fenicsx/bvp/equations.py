@@ -7,17 +7,18 @@ dphi/dsigma. With c^2 times the belt's inertia shifted into force and moment,
     N = Q - rho A c^2 r'          M* = (a - rho I c^2) kappa
     N' + f t + s p n + rho A g = 0        M*' + r' x N + d q1 = 0             (18.17), with inertia and gravity
 
-where s = +1 for a pulley on the right of the belt and -1 for one on its left, d = s e is the distance of the middle line
-from the touching fibre, and q1 = f cos psi + s p sin psi is what that fibre gets along the cross-section's first axis.
+where s = +1 for a pulley on the right of the belt and -1 for one on its left, d = s e is the distance of the middle
+line from the touching fibre, and q1 = f cos psi + s p sin psi is what that fibre gets along the cross-section's first
+axis.
 
-In a free span N changes by the weight alone. On a pulley it is the touching fibre that runs on the circle: phi and D are
-the angle of its tangent and its stretch, phi' = -s D / R, and with psi = theta - phi
+In a free span N changes by the weight alone. On a pulley it is the touching fibre that runs on the circle: phi and D
+are the angle of its tangent and its stretch, phi' = -s D / R, and with psi = theta - phi
 
     eps = D cos psi - 1 - d kappa         Gamma = -D sin psi                  (18.6), with the offset d
 
 so that the balance of forces gives the tractions p and f. Stick keeps D. Sliding adds the equation f + m p = 0 with
-m = mu forward and -mu backward, which is linear in D' and solved for it. It is (18.22) for backward sliding, and (18.22)
-with -mu in place of mu for the forward sliding that the source means.
+m = mu forward and -mu backward, which is linear in D' and solved for it. It is (18.22) for backward sliding, and
+(18.22) with -mu in place of mu for the forward sliding that the source means.
 
 No equation is linearised by hand: `linearised` takes derivatives by a complex step. So rates and states are analytic
 functions, without abs, hypot, arctan2 or bounds, of arrays ``(n, ..., parts, points)``.
@@ -128,7 +129,8 @@ class Free:
 
 @dataclass(frozen=True)
 class OnPulleys:
-    """Parts on pulleys: unknowns phi, psi, kappa, the strain D - 1 of the touching fibre, and the integral of friction f.
+    """Parts on pulleys: unknowns phi, psi, kappa, the strain D - 1 of the touching fibre, and the integral of friction
+    f.
 
     Attributes:
         radius: Radii of their pulleys ``(parts, 1)``.
@@ -241,8 +243,9 @@ class OnPulleys:
 class Creeping(OnPulleys):
     """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p tanh((D - S) / width).
 
-    S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction is
-    nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told before.
+    S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction
+    is nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told
+    before.
 
     Attributes:
         friction: mu ``(parts, 1)``.

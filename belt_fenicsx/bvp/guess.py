@@ -79,7 +79,6 @@ def from_fields(problem: Problem, solution: Solution, cells: int = COARSE) -> Di
     fields, rod = solution.fields.in_units(units.inverse()), problem.rod
     lengths = np.array([(zone.sigma[1] - zone.sigma[0]) / units.length for zone in solution.zones])
     rate = solution.transport_rate / units.rate
-    G = rod.density * rate**2
     N = fields.Q - rod.density * rate**2 * np.column_stack([1.0 + fields.eps, fields.Gamma])
     force = (N[:, 0] + 1j * N[:, 1]) * np.exp(1j * fields.theta)
 
@@ -92,7 +91,9 @@ def from_fields(problem: Problem, solution: Solution, cells: int = COARSE) -> Di
             return np.interp(at, sigma, values[here])
 
         if problem.parts[part].touches:
-            return np.array([of(fields.phi), of(fields.theta - fields.phi), of(fields.kappa), of(fields.D - 1.0), 0.0 * at])
+            return np.array(
+                [of(fields.phi), of(fields.theta - fields.phi), of(fields.kappa), of(fields.D - 1.0), 0.0 * at]
+            )
         if rod.weight == (0.0, 0.0):
             mean = np.average(force[here], weights=fields.weight[here])
             X, Y = np.full_like(at, mean.real), np.full_like(at, mean.imag)

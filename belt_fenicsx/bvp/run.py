@@ -247,8 +247,8 @@ class Run:
             index = int(np.argmin(lengths))
             raise Stopped(
                 Status.CONTACT_LOST,
-                f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the wrap before it "
-                "touches. Let the pulley reach further in, or stretch the belt more.",
+                f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the wrap "
+                "before it touches. Let the pulley reach further in, or stretch the belt more.",
                 final=True,
             )
         parts, ends = zones(self.scene, *narrow)

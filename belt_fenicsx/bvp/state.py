@@ -142,7 +142,7 @@ def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
 def take_up_conditions(scene: Scene, layout: Layout, index: int) -> Iterator[Condition]:
     """The condition of a pulley that moves: its hub load along the way is what pushes it there."""
     pulley, on = scene.pulleys[index], layout.on(index)
-    if pulley.take_up is not None:
+    if pulley.take_up is not None and pulley.force is not None:
         ends = ((on[0], FIRST), *((i, LAST) for i in on))
         yield Condition(ends, functools.partial(_pushed, rod_of(scene), _unit(pulley.take_up), pulley.force))
 

@@ -147,15 +147,15 @@ def at_capacity(scene: Scene, index: int, sense: Slip) -> tuple[Scene, int]:
         Stopped: No torque can be left open.
     """
     pulleys = list(scene.pulleys)
-    # Where the transport rate is given, so is that of a pulley which is driven by its speed: nothing else depends on it.
+    # Where the transport rate is given, so is that of a pulley which is driven by its speed: nothing else depends on
+    # it.
     driven = scene.pulleys[index].drive.kind == "omega" and scene.transport_rate is None
     loads = [i for i, p in enumerate(pulleys) if p.drive.kind == "torque"] if driven else [index]
     if not loads:
         raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
     load = max(loads, key=lambda i: abs(pulleys[i].torque or 0.0))
-    undriven = {"x_trans": None, "omega": None, "torque": None, "drag": 0.0, "slip_angle": None, "slip": None}
-    pulleys[load] = replace(pulleys[load], **undriven)
-    pulleys[index] = replace(pulleys[index], **{**undriven, "x_trans": RUN_UP, "slip": sense})
+    pulleys[load] = pulleys[load].driven()
+    pulleys[index] = pulleys[index].driven(x_trans=RUN_UP, slip=sense)
     if not driven:
         return scene.altered(pulleys=tuple(pulleys)), load
     limit = scene.altered(pulleys=tuple(pulleys), transport_rate=1.0)
@@ -168,7 +168,9 @@ def at_capacity(scene: Scene, index: int, sense: Slip) -> tuple[Scene, int]:
 
 
 def capacities(scene: Scene, string: StringDrive) -> tuple[float, ...]:
-    """Torques that the pulleys transmit at most, each with what is left open by `at_capacity`; NaN where nothing can be."""
+    """Torques that the pulleys transmit at most, each with what is left open by `at_capacity`; NaN where nothing can
+    be.
+    """
     found = []
     for index, torque in enumerate(string.torques):
         try:
@@ -439,7 +441,7 @@ class _Chain:
         i = arc.pulley
         pulley, angle = self.scene.pulleys[i], float(min(self.angles[i], arc.wrap))
         up, off = float(self.forces[self.before[i]]), float(self.forces[self.after[i]])
-        sense = "forward" if off >= up else "backward"
+        sense: Slip = "forward" if off >= up else "backward"
         slides = Part("slip", pulley.drive.slip or sense, i) if pulley.friction == 0.0 else Part("slip", sense, i)
         sticks = Part("stick", pulley=i)
         if pulley.friction == 0.0 or i in self.slips or pulley.x_trans == RUN_UP:

@@ -6,7 +6,6 @@ slides, friction off its middle line would need a moment that a string has not: 
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 

@@ -197,6 +197,8 @@ if __name__ == "__main__":
     for result in finished:
         if not result.answer.success or not result.difference <= AGREEMENT:
             said = (result.answer.message, *result.answer.violations)
-            print(f"\n{result.number}: {result.answer.status.name} {' '.join(said)}, difference {result.difference:.1e}")
+            print(
+                f"\n{result.number}: {result.answer.status.name} {' '.join(said)}, difference {result.difference:.1e}"
+            )
     if arguments.readme:
         write_into_readme("stress of drives", text)
