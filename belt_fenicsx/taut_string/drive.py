@@ -269,7 +269,7 @@ def _drawn(scene: Scene, centers: tuple[Point, ...]) -> StringDrive:
             return found.drive(centers)
         worst = max(over, key=lambda index: found.angles[index] / path.arcs[index].wrap)
         speeds = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "omega" and i not in slips and i != worst]
-        known = scene.transport_rate is not None or scene.has_inertia or speeds
+        known = scene.transport_rate is not None or speeds
         if scene.pulleys[worst].drive.kind != "omega" or not known:
             message = f"A string would slide all along pulley {worst}."
             raise BeyondCapacity(message, worst, over[worst])

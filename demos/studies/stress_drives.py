@@ -100,9 +100,13 @@ def loop(draw: Draw) -> Scene | None:
         if not wrapped(dimensionless):
             return None
         transmitted = capacities(dimensionless, string_drive(dimensionless))
-        most = min(abs(t / torque) for t, torque in zip(transmitted, torques, strict=True) if torque)
-        drivers = abs(transmitted[driver]) / abs(sum(torques))
-        return made(load * min(most, drivers) * units.of(length=1, force=1))
+        # A pulley that never is the first one to slide all along transmits whatever the others do.
+        limits = [abs(t / torque) for t, torque in zip(transmitted, torques, strict=True) if torque]
+        limits.append(abs(transmitted[driver] / sum(torques)))
+        least = min((limit for limit in limits if limit == limit), default=0.0)
+        scene = made(load * least * units.of(length=1, force=1))
+        string_drive(scene.dimensionless()[0])
+        return scene
     except (SceneError, Stopped):
         return None
 
