@@ -25,16 +25,18 @@ import numpy as np
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import FREE, Part
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.path import Arc, Line, Path, Point, tangent_path
+from belt_fenicsx.scene.path import Arc, Line, Path, Point, tangent_path, taut_path
 from belt_fenicsx.scene.pulley import RUN_UP, Pulley, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.forces import LEAST_STRAIN, Chain, Forces, friction
+from belt_fenicsx.taut_string.forces import Chain, Forces, friction
 
 ITERATIONS = 50  # Newton's iterations for take-ups, at most.
-CONVERGED = 1e-13  # Displacements of take-ups, and transport rates at a limit, that are no farther apart end them.
-NEAR = 1e-3  # A first guess of a strain is as good as that, relative to it.
+CONVERGED = 1e-13  # Transport rates at a limit that are no farther apart are the same.
+MET = 1e-12  # A take-up has its force with no larger error, relative to it.
+MOST_CENTRIFUGAL = 0.5  # G / b1 for which a slack belt is made taut.
+TAUT, NEAR = 1e-3, 1e-2  # Strain from which a slack belt starts, and how well it is met, relative to it.
 RATES = 10  # Corrections of the transport rate at a limit, at most.
 ENTRY, BACK, EXIT, MOST = (
     4.0,
@@ -44,6 +46,7 @@ ENTRY, BACK, EXIT, MOST = (
 )  # Sliding of a touching fibre, in layers; the part that it takes, at most.
 NOTHING = 1e-12  # An angle that is no larger, in parts of the wrap, does not slide.
 LACKING = 1e-11  # A torque that lacks no more is met, in parts of the radius and the larger force.
+LEAST_PART = 1e-4  # of a step of Newton's iteration
 MOVED = 1e-7  # Displacement for differences of take-ups, in lengths of the belt.
 
 
@@ -151,7 +154,10 @@ def string_drive(scene: Scene) -> StringDrive:
     """
     moving = [index for index, pulley in enumerate(scene.pulleys) if pulley.take_up is not None]
     moves = _moves(scene, moving) if moving else np.zeros(0)
-    return _drawn(scene, _centers(scene, moving, moves))
+    drawn, beyond = _drawn(scene, _centers(scene, moving, moves))
+    if beyond is not None:
+        raise beyond
+    return drawn
 
 
 def at_capacity(scene: Scene, index: int, sense: Slip, load: int | None = None) -> tuple[Scene, int]:
@@ -296,44 +302,77 @@ def _direction(pulley: Pulley) -> Point:
 
 
 def _moves(scene: Scene, moving: Sequence[int]) -> Array:
-    """Displacements of take-ups at which they get their forces, by Newton's iteration with differences."""
+    """Displacements of take-ups at which they get their forces, by Newton's iteration with differences.
+
+    Raises:
+        Stopped: There are none, or with them something is in the belt's way.
+    """
 
     def missed(moves: Array) -> Array:
-        drawn = _drawn(scene, _centers(scene, moving, moves))
+        try:
+            drawn, _ = _drawn(scene, _centers(scene, moving, moves))
+        except SceneError as error:
+            raise Stopped(
+                Status.CONTACT_LOST, f"A take-up moves to where `{error.field}` cannot be.", final=True
+            ) from None
         return np.array([_pushed(scene, drawn, index) for index in moving])
 
     moves = _taut(scene, moving)
+    now, allowed = missed(moves), MET * max(scene.pulleys[index].force or 0.0 for index in moving)
     for _ in range(ITERATIONS):
-        now = missed(moves)
+        if np.abs(now).max() <= allowed:
+            break
         columns = [(missed(moves + MOVED * row) - now) / MOVED for row in np.eye(len(moving))]
         step = -np.linalg.solve(np.array(columns).T, now)
-        part = 1.0
-        while part > 1e-3:
-            try:
-                if np.abs(missed(moves + part * step)).max() < np.abs(now).max():
-                    break
-            except (Stopped, SceneError):
-                pass
-            part /= 2.0
-        moves = moves + part * step
-        if np.abs(step).max() <= CONVERGED:
-            break
+        moves, now = _nearer(moves, step, missed, float(np.abs(now).max()))
+    else:
+        raise Stopped(Status.NEWTON_DIVERGED, "The places of the take-ups were not found.", final=True)
+    try:
+        taut_path(scene, _centers(scene, moving, moves))
+    except SceneError as error:
+        message = f"Where the take-ups have their forces, `{error.field}` would have to {error.expected}."
+        raise Stopped(Status.CONTACT_LOST, message, final=True) from None
     return moves
 
 
+def _nearer(moves: Array, step: Array, missed: Callable[[Array], Array], now: float) -> tuple[Array, Array]:
+    """Displacements after a step, or after a part of it, with which less is missing, and what is.
+
+    Raises:
+        Stopped: There are none.
+    """
+    part = 1.0
+    while part > LEAST_PART:
+        try:
+            after = missed(moves + part * step)
+        except (Stopped, SceneError):
+            pass
+        else:
+            if np.abs(after).max() < now:
+                return moves + part * step, after
+        part /= 2.0
+    raise Stopped(Status.NEWTON_DIVERGED, "The places of the take-ups were not found.", final=True)
+
+
 def _taut(scene: Scene, moving: Sequence[int]) -> Array:
-    """Displacements, all of them equal, with which the belt is about as tight as the forces of the take-ups make it."""
-    path, way = tangent_path(scene), 0.0
-    pulls = [-float(np.dot(path.arcs[i].pull, _direction(scene.pulleys[i]))) for i in moving]
-    tensions = [(scene.pulleys[i].force or 0.0) / pull for i, pull in zip(moving, pulls, strict=True)]
-    strain = max(sum(tensions) / len(moving) / scene.belt.extensional_stiffness, LEAST_STRAIN)
+    """Displacements with which the belt is taut: none where it is so already, otherwise all of them equal."""
+    # In units of its scene, a belt has a transport rate of one, or less where it is to be found.
+    centrifugal = scene.belt.line_density / scene.belt.extensional_stiffness
+    wanted, moves = scene.belt.length * (1.0 + TAUT) / (1.0 - min(centrifugal, MOST_CENTRIFUGAL)), np.zeros(len(moving))
+
+    def path(moves: Array) -> Path:
+        return tangent_path(scene, _centers(scene, moving, moves))
+
+    def missing(moves: Array) -> Array:
+        return np.array([wanted - path(moves).length])
+
+    now = missing(moves)
     for _ in range(ITERATIONS):
-        missing = scene.belt.length * (1.0 + strain) - path.length
-        if abs(missing) <= NEAR * strain:
+        if now[0] <= NEAR * TAUT:
             break
-        way += missing / sum(-float(np.dot(path.arcs[i].pull, _direction(scene.pulleys[i]))) for i in moving)
-        path = tangent_path(scene, _centers(scene, moving, np.full(len(moving), way)))
-    return np.full(len(moving), way)
+        gain = -sum(float(np.dot(path(moves).arcs[i].pull, _direction(scene.pulleys[i]))) for i in moving)
+        moves, now = _nearer(moves, np.full(len(moving), now[0] / gain), missing, float(now[0]))
+    return moves
 
 
 def _pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
@@ -346,18 +385,17 @@ def _pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
     return float(x * load[0] + y * load[1] + (scene.pulleys[index].force or 0.0))
 
 
-def _drawn(scene: Scene, centers: tuple[Point, ...]) -> StringDrive:
-    """The string where the pulleys have these centres."""
-    path, beyond = tangent_path(scene, centers), None
+def _drawn(scene: Scene, centers: tuple[Point, ...]) -> tuple[StringDrive, BeyondCapacity | None]:
+    """The string where the pulleys have these centres, and what is beyond its capacity, if anything is."""
+    path, found = tangent_path(scene, centers), []
     for first in _leading(scene):
         forces = Chain(scene, path, first).solved()
         drive = _made(scene, path, forces, centers)
         over = _overloaded(scene, path, drive, forces, first)
         if over is None:
-            return drive
-        beyond = beyond or BeyondCapacity(f"A string would slide all along pulley {over[0]}.", *over)
-    assert beyond is not None, "one pulley of a loop gives its speed, or takes the torque that is left"
-    raise beyond
+            return drive, None
+        found.append((drive, BeyondCapacity(f"A string would slide all along pulley {over[0]}.", *over)))
+    return found[0]
 
 
 def _leading(scene: Scene) -> list[int]:
