@@ -430,12 +430,16 @@ def _made(scene: Scene, path: Path, forces: Forces, centers: tuple[Point, ...]) 
     parts, ahead = ([], spans) if scene.closed else (spans[:1], spans[1:])
     omegas, torques, angles, take_ups = [], [], [], []
     for pulley, arc, up, off, span in zip(scene.pulleys, path.arcs, forces.up, forces.off, ahead, strict=True):
-        mu, grown = friction(pulley, arc), math.log(off / up)
-        angle = abs(grown) / mu if mu else 0.0
-        parts += [*string.on_pulley(pulley, arc, up, mu, "forward" if grown > 0.0 else "backward", angle), span]
-        omegas.append(pulley.drive.by("omega") if pulley.drive.kind == "omega" else c * string.stretch(up) / arc.radius)
+        mu, grown, speed = friction(pulley, arc), math.log(off / up), c * string.stretch(up) / arc.radius
+        angle = min(abs(grown) / mu, arc.wrap) if mu else 0.0
+        omega = pulley.drive.by("omega") if pulley.drive.kind == "omega" else speed
+        # Where a drive places a transition, there is one, even if hardly anything sticks before it.
+        through = pulley.drive.kind in ("slip_angle", "x_trans") or abs(speed - omega) > NOTHING * speed
+        sense: Slip = "forward" if grown > 0.0 else "backward"
+        parts += [*string.on_pulley(pulley, arc, up, mu, sense, angle, through), span]
+        omegas.append(omega)
         torques.append(arc.radius * (off - up))
-        angles.append(angle)
+        angles.append(abs(grown) / mu if mu else 0.0)
         moved = np.subtract(arc.center, pulley.center)
         take_ups.append(float(moved @ _direction(pulley)) if pulley.take_up else 0.0)
     return StringDrive(
@@ -468,13 +472,13 @@ class _Drawing:
         )  # fmt: skip
 
     def on_pulley(
-        self, pulley: Pulley, arc: Arc, F: float, mu: float, sense: Slip, angle: float
+        self, pulley: Pulley, arc: Arc, F: float, mu: float, sense: Slip, angle: float, through: bool
     ) -> Iterator[StringPart]:
-        """The parts on a pulley: the belt sticks, and slides through an angle before the run-off."""
+        """The parts on a pulley: the belt sticks, and slides through an angle before the run-off, or all along."""
         index, drive = arc.pulley, pulley.drive
         if mu == 0.0:
             rows = [(Part("slip", drive.slip or "forward", index), arc.wrap)]
-        elif angle >= arc.wrap * (1.0 - NOTHING):
+        elif through and angle >= arc.wrap * (1.0 - NOTHING):
             rows = [(Part("slip", sense, index), arc.wrap)]
         elif angle <= NOTHING * arc.wrap and drive.kind != "omega":
             rows = [(Part("stick", pulley=index), arc.wrap)]
