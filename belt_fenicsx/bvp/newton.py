@@ -34,6 +34,7 @@ SAFETY = 4.0  # Of the error estimate.
 LAST_DIGIT = 1e-15  # No estimate is below what rounding leaves.
 STALLED = 2  # That many meshes whose errors are no smaller than before show that rounding leaves no more.
 WORK = 500.0  # Of a solve, at most; an iteration on a mesh of few cells is one unit.
+FEW_PARTS = 6  # An iteration costs as many times more as there are more parts.
 OVERHEAD = 24  # An iteration on that many cells costs twice as much as on none.
 
 
@@ -156,7 +157,7 @@ class Work:
                 "answer yet. Start from a solution nearby (`initial`), or drive the pulley by `x_trans` first.",
                 final=True,
             )
-        unit = 1.0 + start.cells / OVERHEAD
+        unit = (1.0 + start.cells / OVERHEAD) * max(1.0, len(problem.parts) / FEW_PARTS)
         most = int(np.clip(self.left / unit, 1, ITERATIONS))
         solution = newton(problem, start, tolerance, positive=positive, most=most)
         self.iterations += solution.iterations
