@@ -33,7 +33,7 @@ FINER = 1.5  # Cells of the second mesh over those of the first, at least.
 SAFETY = 4.0  # Of the error estimate.
 LAST_DIGIT = 1e-15  # No estimate is below what rounding leaves.
 STALLED = 2  # That many meshes whose errors are no smaller than before show that rounding leaves no more.
-WORK = 500.0  # Of a solve, at most; an iteration on a mesh of few cells is one unit.
+WORK = 1200.0  # Of a solve, at most; an iteration on a mesh of few cells is one unit.
 FEW_PARTS = 6  # An iteration costs as many times more as there are more parts.
 OVERHEAD = 24  # An iteration on that many cells costs twice as much as on none.
 

@@ -176,7 +176,9 @@ def places(widths: Array, xi: Array) -> Array:
         Places in [0, 1] ``(z, m)``.
     """
     reach = 1.0 + 2.0 * widths[:, None]
-    return np.clip((1.0 + reach * np.tanh((2.0 * xi - 1.0) * np.arctanh(1.0 / reach))) / 2.0, 0.0, 1.0)
+    inside = (1.0 + reach * np.tanh((2.0 * xi - 1.0) * np.arctanh(1.0 / reach))) / 2.0
+    # The ends are met to the last bit.
+    return np.where(xi <= 0.0, 0.0, np.where(xi >= 1.0, 1.0, np.clip(inside, 0.0, 1.0)))
 
 
 def slopes(widths: Array, xi: Array) -> Array:
