@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from belt_fenicsx import Scene, load_scene
+from belt_fenicsx import Scene, load_scene, solve
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 EXAMPLE = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+DRIVE = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
 COMMANDS = re.findall(r"^(?:mpirun.* )?belt-fenicsx .+", README, re.MULTILINE)
 WRITTEN = {"--plot": "belt.png", "--out": "result"}
 
@@ -24,6 +25,14 @@ def test_example(capsys):
     assert names["scene"] == Scene() == load_scene(ROOT / "demos" / "one_pulley.toml")
     omega, *_ = map(float, capsys.readouterr().out.split())
     assert names["solution"].omega == omega == pytest.approx(1.4807, abs=5e-5)
+
+
+def test_drive(tmp_path):
+    path = tmp_path / "drive.toml"
+    path.write_text(DRIVE)
+    string, solution = (solve(load_scene(path), method=method) for method in ("string", "bvp"))
+    assert solution.contacts[1].torque == pytest.approx(10.0, rel=1e-9)
+    assert solution.transport_rate == pytest.approx(string.transport_rate, rel=2e-3)
 
 
 @pytest.mark.serial
