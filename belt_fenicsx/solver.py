@@ -49,7 +49,7 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
+    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", True, "bvp"),
     "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
     "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc", general=True),
 }

@@ -24,6 +24,7 @@ from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.reading import holds, samples
 from belt_fenicsx.fitted.state import State, from_fields
+from belt_fenicsx.fitted.state import from_drive as state_of_drive
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import posed
@@ -34,9 +35,11 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick, solve_driven
 from belt_fenicsx.search.find import attempt, layout_of, limit
+from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.drive import string_drive
 
 METHOD = "fitted"
 FINE = 8  # The degree with which a state is compared with a limit.
@@ -147,8 +150,9 @@ class Run:
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a contact and, but for the lowest degree, the belt is pressed onto the pulley."""
-        contact = state.ends[-2] - state.ends[1]
-        return bool(contact >= SHORTEST and (state.degree == LOWEST or not lifts(state)))
+        on = [state.layout.on(index) for index in state.layout.pulleys]
+        contacts = [state.ends[parts[-1] + 1] - state.ends[parts[0]] for parts in on]
+        return bool(min(contacts) >= SHORTEST and (state.degree == LOWEST or not lifts(state)))
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -202,12 +206,28 @@ class Run:
 
     def start(self, near: State | None = None) -> State:
         """A coarse state of a scene that says where stick ends; pure slip also from pure stick."""
+        if not self.scene.is_published:
+            return self._start_from_drive()
         near_by: list[Start] = [] if near is None else [functools.partial(from_stick, stick=near)]
         for way in [*near_by, *STRING]:
             state = attempt(functools.partial(way, self))
             if state is not None and self.is_plausible(state):
                 return state
         raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the taut string.")
+
+
+    def _start_from_drive(self) -> State:
+        """A coarse state from the exact string of a drive; well known where the drive does not place each transition.
+
+        Raises:
+            Stopped: None of the ways leads to one.
+        """
+        for way in DRIVE:
+            state = attempt(functools.partial(way, self))
+            if state is not None and self.is_plausible(state):
+                placed = all(state.layout.slides_behind(index) for index in state.layout.pulleys)
+                return state if placed else self.sharpen(state, "pulleys on which the belt sticks, or slides, all along")
+        raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the exact string.")
 
 
 def trusted(breach: float) -> Tolerances:
@@ -236,6 +256,22 @@ def from_string(run: Run, *, held: bool = False) -> State:
     guess, pressed = string_guess(run.scene, run.elements)
     run.stages.ran("taut string", "first guess")
     return run.newton(guess, "the taut string", held=held or pressed)
+
+
+def from_drive(run: Run, *, held: bool = False) -> State:
+    """From the exact string of a drive; by a first step that bends the belt, where the joints are held in it."""
+    guess = state_of_drive(run.scene, string_drive(run.scene), LOWEST, run.elements)
+    run.stages.ran("string", "first guess")
+    return run.newton(guess, "the string", held=held)
+
+
+def from_softer_drive(run: Run) -> State:
+    """By way of a belt that bends more easily and so is more like a string."""
+    belt = run.scene.belt
+    assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
+    softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
+    state = from_drive(replace(run, scene=run.scene.altered(belt=softer)), held=True)
+    return run.newton(run.transfer(state, state.layout, state.ends), "a belt that bends more easily")
 
 
 def from_softer(run: Run) -> State:
@@ -271,6 +307,7 @@ def from_solution(run: Run, initial: Solution, degree: int) -> State:
     return run.newton(guess, "the given solution")
 
 
+DRIVE: tuple[Start, ...] = (from_drive, functools.partial(from_drive, held=True), from_softer_drive)
 STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, held=True), from_softer)
 
 
@@ -281,6 +318,8 @@ def ways(run: Run, initial: Solution | None) -> list[Start]:
     if initial is not None:
         degrees = WARM if initial.method == METHOD else RESCUE
         warm += [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
+    if not run.scene.is_published:
+        return [*warm, solve_several]
     if pulley.drive.kind != "x_trans" and pulley.friction > 0.0:
         return [*warm, solve_driven]
     return [*warm, *STRING, *([from_stick] if posed(run.scene).slides_behind(0) else [])]
