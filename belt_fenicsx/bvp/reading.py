@@ -19,7 +19,7 @@ from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans, zones_of
+from belt_fenicsx.solution.reading import contacts_of, zones_of
 from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # Intervals of each part at least, for the fields.
@@ -271,10 +271,8 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
         (x, y), pulley = take_up.direction, layout.parts[take_up.parts[0]].pulley
         centers[pulley] = (centers[pulley][0] + move * x, centers[pulley][1] + move * y)
     zones = zones_of(scene, layout.parts, fields)
-    contacts, spans = contacts_and_spans(
-        scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers
-    )
-    return dict(transport_rate=rate, contacts=contacts, spans=spans, zones=zones, fields=fields)
+    contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers)
+    return dict(transport_rate=rate, contacts=contacts, zones=zones, fields=fields)
 
 
 def _inside(cells: int) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from belt_fenicsx.layout.arrays import Array, vectors
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans, zones_of
+from belt_fenicsx.solution.reading import contacts_of, zones_of
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
@@ -131,7 +131,7 @@ def fields(scene: Scene, state: State) -> Fields:
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
-    """Contacts, spans, zones and fields of a state, as arguments of a solution."""
+    """Contacts, zones and fields of a state, as arguments of a solution."""
     found, rate = fields(scene, state), state.rate
     omegas = [
         pulley.drive.by("omega") if pulley.drive.kind == "omega" else rate * stretch / pulley.radius
@@ -139,7 +139,7 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
     ]
     torques = [-p.radius * force for p, force in zip(scene.pulleys, state.friction_forces.tolist(), strict=True)]
     zones = zones_of(scene, state.layout.parts, found)
-    contacts, spans = contacts_and_spans(
+    contacts = contacts_of(
         scene, zones, found, rate=rate, omegas=omegas, torques=torques, centers=vectors(state.centers).tolist()
     )
-    return {"transport_rate": rate, "contacts": contacts, "spans": spans, "zones": zones, "fields": found}
+    return {"transport_rate": rate, "contacts": contacts, "zones": zones, "fields": found}

@@ -163,7 +163,7 @@ def _frame_clamped(solution: Solution, ax: Axes) -> Axes:
 
 
 def _frame_drive(solution: Solution, ax: Axes) -> Axes:
-    """Adds travel, as an arrowhead on each span, limits that show all pulleys, and a legend above."""
+    """Adds travel, as an arrowhead on each span, limits that show all pulleys, and a legend at the side."""
     table = columns(solution)
     for index, zone in enumerate(solution.zones):
         inside = np.flatnonzero(table["zone"][1] == index)
@@ -172,7 +172,7 @@ def _frame_drive(solution: Solution, ax: Axes) -> Axes:
             head = {"arrowstyle": "-|>", "color": "0.3", "shrinkA": 0.0, "shrinkB": 0.0}
             ax.annotate("", xy=there, xytext=here, arrowprops=head)
     ax.autoscale_view()
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize="small", frameon=False)
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     return ax
 
 
