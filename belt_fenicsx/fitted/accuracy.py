@@ -154,7 +154,10 @@ def error_of_known(
         change_before: That by the degree before; zero where there is none.
     """
     left = part_left(change, change_before)
-    by_known = left * float(np.abs(_known(scene, state) - _known(scene, before)).max())
+    change_of_known = np.abs(_known(scene, state) - _known(scene, before))
+    # Relative to stretches of the belt: a pulley that stands still has no speed.
+    change_of_known[: state.stretches.size] /= state.stretches
+    by_known = left * float(change_of_known.max())
     return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
 
 
@@ -170,15 +173,13 @@ def part_left(change: float, change_before: float) -> float:
 
 
 def _known(scene: Scene, state: State) -> Array:
-    """What the estimate is of: the angular velocities and the transport rate, as stretches of the belt in stick.
+    """What the estimate is of: the angular velocities; where one is given, the stretch behind the pulley of a string.
 
-    Relative to a stretch, as a pulley that stands still has no speed. Where the speed is given, it is the stretch behind
-    the pulley of a string. The displacement of a pulley is a stretch of the belt, too.
+    They are those of a unit transport rate. That rate and the displacements of pulleys come on top.
     """
     given = np.array([pulley.drive.kind == "omega" for pulley in scene.pulleys])
-    stretches = surface_stretches(scene, state)
-    behind = (stretches - given * state.friction_forces) / state.stretches
-    return behind if scene.is_published else np.concatenate([behind, [math.log(abs(state.rate))], state.moves])
+    speeds = surface_stretches(scene, state) - given * state.friction_forces
+    return speeds if scene.is_published else np.concatenate([speeds, [math.log(state.rate)], state.moves])
 
 
 def _strain(state: State) -> float:

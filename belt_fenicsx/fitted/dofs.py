@@ -207,8 +207,8 @@ def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -
         numbers[0, left] = numbers[-1, right] = nodes[-NODE:]
     if rated:
         numbers[:, at.rate] = rate
-    for pulley, number in zip(moving, moves, strict=True):
-        numbers[mesh.pulley == pulley, at.move] = number
+    for index, move in zip(moving, moves, strict=True):
+        numbers[mesh.pulley == index, at.move] = move
     count, patterns = fixed + 1, _patterns(mesh, degree, terms)
     for cells, pattern in patterns:
         shape = cells.size, pattern.unknowns.size
@@ -219,8 +219,10 @@ def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -
     order = np.roll(np.arange(n), np.count_nonzero(mesh.pulley[mesh.zone == mesh.zone[-1]] == 0) * layout.closed)
     chains = tuple(order[mesh.pulley[order] == pulley] for pulley in layout.pulleys)
     loose = loose_joint(layout, terms.loads)
-    number = int(rate[0]) if rated else None if loose is None else int(borders[loose])
-    return Table(numbers, fixed, count, chain, chains, np.arange(borders[0], fixed), borders, number, at.sigma, patterns)
+    without = rate[0] if rated else None if loose is None else borders[loose]
+    return Table(
+        numbers, fixed, count, chain, chains, np.arange(borders[0], fixed), borders, without, at.sigma, patterns
+    )
 
 
 def _patterns(mesh: Mesh, degree: int, terms: Terms) -> tuple[tuple[Array, Pattern], ...]:

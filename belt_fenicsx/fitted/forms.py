@@ -145,9 +145,7 @@ def residual_and_jacobian(degree: int, terms: Terms) -> tuple[ufl.Form, ufl.Form
     """Both forms in UFL."""
     line, node, traction = elements.line(), elements.lagrange(degree), elements.gauss(degree)
     scalars = [elements.gauss(1)] * (3 if terms.loads else 1)
-    mixed = compat.mixed(
-        elements.lagrange(degree, size=2), node, traction, traction, elements.lagrange(1), *scalars
-    )
+    mixed = compat.mixed(elements.lagrange(degree, size=2), node, traction, traction, elements.lagrange(1), *scalars)
     values = elements.gauss(1, size=len(CHORD) + len(pulley_data(terms)))
     # Numbered here: UFL would count on in one process, and compiled code is found again by its form's numbers, too.
     unknown, switches, data = (

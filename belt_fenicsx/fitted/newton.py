@@ -349,8 +349,10 @@ def driven(pulley: Pulley, terms: Terms) -> list[float]:
 
 
 def given(pulley: Pulley) -> float:
-    """What the drive gives, as the forms compare it: the transition, the elongation in stick at unit transport rate, the
-    friction force or the slip angle."""
+    """What the drive gives, as the forms compare it.
+
+    It is the transition, the elongation in stick at unit transport rate, the friction force or the slip angle.
+    """
     match pulley.drive.kind:
         case "omega":
             return pulley.surface_speed - 1.0

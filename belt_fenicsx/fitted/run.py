@@ -215,7 +215,6 @@ class Run:
                 return state
         raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the taut string.")
 
-
     def _start_from_drive(self) -> State:
         """A coarse state from the exact string of a drive; well known where the drive does not place each transition.
 
@@ -226,7 +225,9 @@ class Run:
             state = attempt(functools.partial(way, self))
             if state is not None and self.is_plausible(state):
                 placed = all(state.layout.slides_behind(index) for index in state.layout.pulleys)
-                return state if placed else self.sharpen(state, "pulleys on which the belt sticks, or slides, all along")
+                return (
+                    state if placed else self.sharpen(state, "pulleys on which the belt sticks, or slides, all along")
+                )
         raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the exact string.")
 
 

@@ -500,8 +500,7 @@ def from_fields(
         assert isinstance(old, State), "fields alone do not tell how the pulleys turn"
         driven = Driven(old.stretches - 1.0, old.rate, old.moves)
     state = _blank(scene, layout, ends, float(np.mean(driven.elongations)), degree, elements)
-    same = isinstance(old, State) and old.mesh == state.mesh and old.terms == state.terms
-    if same and np.array_equal(old.ends, ends):
+    if isinstance(old, State) and (old.mesh, old.terms) == (state.mesh, state.terms) and np.array_equal(old.ends, ends):
         kept = old.of_degree(degree)
         state = replace(kept, scene=scene, ends=ends, chords=kept.chords.copy(), values=kept.values.copy())
         r, theta, p, f = state.at_nodes

@@ -20,15 +20,14 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
 def penetration_near(
     place: Expr, deviation: Expr, *, radius: Expr, excess: Expr, offset: Expr, side: Expr, e2: Expr
 ) -> Expr:
-    """The same g of the fibre at r - d e2, next to a place whose distance from the circle is known well, with little rounding error.
+    """The same g of the fibre at r - d e2, with little rounding error next to a place of which it is known well.
 
     With E = (R + s d)^2 - |place|^2 and r = place + deviation, it is
 
         g = (E - deviation.(2 place + deviation) - 2 d (s (R + s d) - r.e2)) / (R + |r - d e2|).
 
-    The rounding
-    error of the difference in `penetration` is as large as that of positions; from point to point it is a roughness of
-    the pulley, to which the pressure of a thin, stiff belt answers.
+    The rounding error of the difference in `penetration` is as large as that of positions; from point to point it is a
+    roughness of the pulley, to which the pressure of a thin, stiff belt answers.
 
     Args:
         place: A place, as seen from the centre.

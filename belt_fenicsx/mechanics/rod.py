@@ -88,9 +88,9 @@ def tractions(
 ) -> tuple[Expr, Expr]:
     """Pressure and friction that keep the belt on a pulley, with D constant; of UFL or of arrays.
 
-    With N = Q - rho A c^2 r' and q = f t + s p n, they follow from N' + q + rho A g = 0 (18.17) and psi' = kappa + s D/R
-    in the axes of the cross-section, so that they need no more than theta'. The multipliers of the pulley's conditions
-    answer to second derivatives, of which short zones, and little friction, know too little.
+    With N = Q - rho A c^2 r' and q = f t + s p n, they follow from N' + q + rho A g = 0 (18.17) in the axes of the
+    cross-section and from psi' = kappa + s D/R, so that they need no more than theta'. The multipliers of the pulley's
+    conditions answer to second derivatives, of which short zones, and little friction, know too little.
 
     Args:
         strain: Those of the middle line.
