@@ -84,6 +84,12 @@ class Mesh:
         return np.unique(self.pulley, return_index=True)[1]
 
     @functools.cached_property
+    def sliding(self) -> tuple[int, ...]:
+        """Pulleys along all of which the belt slides."""
+        layout = self.layout
+        return tuple(i for i in layout.pulleys if layout.transition(i) not in layout.on(i))
+
+    @functools.cached_property
     def begins(self) -> Array:
         """Whether each cell is the first one of its zone ``(n,)``."""
         return np.append(True, self.zone[1:] != self.zone[:-1])

@@ -284,7 +284,7 @@ def border_conditions(
     a, b1, b2, mass = rod_data.a - square * rod_data.inertia, rod_data.b1, rod_data.b2, square * rod_data.density
     own_weight = ufl.dot(belt.e1, weight), ufl.dot(belt.e2, weight)
     p, f = rod.tractions(
-        belt.strains, side=cell.side, radius=cell.R, a=a, b1=b1, b2=b2, mass=mass, offset=belt.offset, weight=own_weight
+        belt.strains, 1 + belt.e, side=cell.side, radius=cell.R, a=a, b1=b1, b2=b2, mass=mass, offset=belt.offset, weight=own_weight
     )
     borders += v.sigma * (
         on.x * (belt.r[0] - cell.given)

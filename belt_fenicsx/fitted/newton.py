@@ -101,7 +101,7 @@ class Iteration:
         """
         self._constants[:] = constants(scene, state.terms)
         self.pulleys[:] = np.array([driven(pulley, state.terms) for pulley in scene.pulleys])[self._mesh.pulley]
-        self._side, self._ways = self.pulleys[:, 2], ways(scene)[self._mesh.pulley]
+        self._side = self.pulleys[:, 2]
         # On this radius runs the middle line.
         self._radius = self.pulleys[:, 0] + scene.belt.contact_offset
         self._square = self._radius[:, None].astype(np.longdouble) ** 2
@@ -109,6 +109,8 @@ class Iteration:
         self._monitored = monitored or logger.isEnabledFor(logging.INFO)
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._share = state.cells[:, 1] - state.cells[:, 0]
+        # The data of the forms have the way of each pulley, which is nothing where none moves.
+        self._ways = ways(scene)[self._mesh.pulley] if self._loads else 0.0
         self._moves = self.values[:, self._move].copy()
         self.values[:, self._move] = 0.0
         self._take_apart()
@@ -223,7 +225,7 @@ class Iteration:
         """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
         way = step[:, self._positions].view(complex)
         move = step[:, self._move]
-        self._shift(self._onto_pulleys(way) if bent else way, move[:, 0] * self._ways if self._loads else 0.0)
+        self._shift(self._onto_pulleys(way) if bent else way, move.sum(axis=1) * self._ways)
         self.values[:, self._others] += step[:, self._others]
         # The chords are seen from where the pulleys are now.
         self.values[:, self._move] = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -47,14 +48,13 @@ def sample(state: State, index: int) -> Sample:
 
 def grip(scene: Scene, state: State, index: int) -> tuple[float, float]:
     """Stretch D and place x at which the belt leaves a pulley's speed, or is nearest to it in pure slip."""
-    layout, pulley = state.layout, scene.pulleys[index]
-    on, transition = layout.on(index), layout.transition(index)
-    if transition in on or pulley.friction == 0.0:
+    layout = state.layout
+    if index not in state.mesh.sliding or scene.pulleys[index].friction == 0.0:
         # Without friction, it is the speed at the run-up.
-        part = transition if transition in on else on[0]
-        at = sample(state, part)
-        return float(state.stretches[index]), float(at.x[-1 if part == transition else 0])
-    part = on[0]
+        cell = state.mesh.cells(layout.transition(index) % len(layout.parts)).stop - 1
+        x = state.dense.r[cell, -1].real + state.offsets[cell] * math.sin(state.dense.theta[cell, -1])
+        return float(state.stretches[index]), float(x)
+    part = layout.on(index)[0]
     sense, at = layout.parts[part].sense, sample(state, part)
     sigma, x, D = at.sigma, at.x, at.D
     slowest, last = int(np.argmin(sense * D)), D.size - 1
@@ -73,11 +73,13 @@ def surface_stretches(scene: Scene, state: State) -> Array:
     Where the belt slides all along, it is that of the given speed; without it, that of the belt where it is nearest to
     stick.
     """
+    if not state.mesh.sliding:
+        return state.stretches
     stretches = state.stretches.copy()
-    for index, pulley in enumerate(scene.pulleys):
-        if pulley.friction == 0.0 or state.layout.transition(index) not in state.layout.on(index):
-            driven = pulley.drive.kind == "omega"
-            stretches[index] = pulley.surface_speed / state.rate if driven else grip(scene, state, index)[0]
+    for index in state.mesh.sliding:
+        pulley = scene.pulleys[index]
+        driven = pulley.drive.kind == "omega"
+        stretches[index] = pulley.surface_speed / state.rate if driven else grip(scene, state, index)[0]
     return stretches
 
 

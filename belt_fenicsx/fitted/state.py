@@ -258,17 +258,18 @@ class State:
         """
         belt, square = self.scene.belt, self.rate**2 if self.terms.loads else 0.0
         radius, friction, side = self.pulleys[:, cell]
-        mass, offset = square * belt.line_density, side * belt.contact_offset
+        mass, offset = square * belt.line_density, side * belt.contact_offset if self.terms.offset else 0.0
         a, b1 = belt.bending_stiffness - square * belt.rotary_inertia, belt.extensional_stiffness
         weight = belt.line_density * complex(*self.scene.gravity) * np.exp(-1j * theta) if belt.line_density else 0j
+        # Both are linear in D'; along the touching fibre, bending gives way, too.
+        fibre = 1.0 + strain + offset * kappa if self.terms.offset else 1.0 + strain
+        D = np.abs(fibre)
         p, f = tractions(
-            Strains(strain.real, strain.imag, kappa), side=side, radius=radius, a=a, b1=b1, b2=belt.shear_stiffness,
+            Strains(strain.real, strain.imag, kappa), D, side=side, radius=radius, a=a, b1=b1, b2=belt.shear_stiffness,
             mass=mass, offset=offset, weight=(weight.real, weight.imag),
         )  # fmt: skip
         sense = self._senses[cell] if sense is None else sense
-        # Both are linear in D'; along the touching fibre, bending gives way, too.
-        fibre = 1.0 + strain + offset * kappa
-        b1, b2, D = (b1 - mass) * a / (a + offset**2 * (b1 - mass)), belt.shear_stiffness - mass, np.abs(fibre)
+        b1, b2 = (b1 - mass) * a / (a + offset**2 * (b1 - mass)), belt.shear_stiffness - mass
         cos, sin, mu = fibre.real / D, -fibre.imag / D, sense * friction
         Qt_D, Qn_D = b2 + (b1 - b2) * cos**2, side * (b1 - b2) * cos * sin
         D_rate = np.where(np.isnan(sense), 0.0, (f + mu * p) / (Qt_D + mu * Qn_D))

@@ -76,6 +76,7 @@ def kinetic_energy(strain: Strains, *, density: Expr, inertia: Expr) -> Expr:
 
 def tractions(
     strain: Strains,
+    D: Expr,
     *,
     side: Expr,
     radius: Expr,
@@ -93,20 +94,20 @@ def tractions(
     conditions answer to second derivatives, of which short zones, and little friction, know too little.
 
     Args:
-        strain: Those of the middle line.
+        strain: Strains of the middle line.
+        D: Stretch of the touching fibre.
         side: The sign s: +1 for a pulley on the right of the belt, -1 for one on its left.
         radius: R.
         a: Bending stiffness, less rho I c^2.
         b1: Extensional stiffness.
         b2: Shear stiffness.
         mass: rho A c^2.
-        offset: Distance d of the touching fibre, whose stretch is D, from the middle line, towards -e2.
+        offset: Distance d of the touching fibre from the middle line, towards -e2.
         weight: rho A g in the axes of the cross-section.
     """
     eps, Gamma, kappa = strain
     # Of the touching fibre, along and across the axis of the belt.
     along = 1 + eps + offset * kappa
-    D = (along**2 + Gamma**2) ** 0.5
     psi_rate = kappa + side * D / radius
     N1, N2 = b1 * eps - mass * (1 + eps), (b2 - mass) * Gamma
     # What changes the strain of the touching fibre bends the belt, too, by the moment of its traction.
