@@ -148,6 +148,7 @@ class Iteration:
         """The state where it stands, which is of the kind of the one that it started from."""
         values = self.values.copy()
         values[:, self._turn] += self._frame
+        values[:-1, self._turn.start + 1] = values[1:, self._turn.start]
         values[:, self._move] = self._moves
         values[:, self._positions].view(complex)[:] += self._parabolas
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)

@@ -146,7 +146,7 @@ class Run:
 
     def sharpen(self, state: State, why: str) -> State:
         """The same state known well enough to compare it with a limit."""
-        return self.newton(state.of_degree(max(FINE, state.degree)), why, arrived=PLACED)
+        return self.newton(state.of_degree(max(FINE, state.degree)), why, arrived=PLACED if self.scene.is_published else CLOSE)
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a contact and, but for the lowest degree, the belt is pressed onto the pulley."""

@@ -24,6 +24,7 @@ from belt_fenicsx.taut_string.string import TautString
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
 EVEN, ENDS = np.linspace(0.0, 1.0, POINTS), np.array([0.0, 1.0])
+SHORTEST = 1e-9  # A part of a string that is no longer, in belt lengths, is left out.
 ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a coordinate, in belt lengths
 
 
@@ -54,6 +55,8 @@ def prolongation(coarse: int, fine: int, loads: bool) -> Array:
     old, new = local(coarse), local(fine)
     nodes, gauss = points(fine)
     nodal, traction = nodal_basis(coarse, nodes)[0].T, gauss_basis(coarse, gauss).T
+    # What cells share at their ends stays so to the last bit: an angle goes round with a loop, and so does its rounding.
+    nodal[:, :2] = np.eye(coarse + 1, 2)
     result = np.zeros((width(coarse, loads), width(fine, loads)))
     result[old.r, new.r] = np.kron(nodal, np.eye(2))
     result[old.theta, new.theta] = nodal
@@ -440,19 +443,21 @@ def from_drive(scene: Scene, string: StringDrive, degree: int, elements: int | N
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    layout = ordered(scene, [own.part for own in string.parts if own.part.touches])
+    # Where the string slides along no part of a wrap, or all of it, there may be a part that is nothing.
+    parts = [own for own in string.parts if own.length > SHORTEST]
+    layout = ordered(scene, [own.part for own in parts if own.part.touches])
     # Scaled, the last end is where the belt ends to the last bit.
-    lengths = np.array([own.length for own in string.parts])
+    lengths = np.array([own.length for own in parts])
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     ends = scene.belt.length * (ends / ends[-1] - 0.5)
-    strain = float(np.mean([own.stretches for own in string.parts])) - 1.0
+    strain = float(np.mean([own.stretches for own in parts])) - 1.0
     state = _blank(scene, layout, ends, strain, degree, elements)
     nodes, mesh = points(degree)[0], state.mesh
     inside = state.cells[:, :1] + (state.cells[:, 1:] - state.cells[:, :1]) * nodes
     radius = np.array([pulley.radius for pulley in scene.pulleys])
     elongations = np.zeros(radius.size)
     r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(len(inside))
-    for i, own in enumerate(string.parts):
+    for i, own in enumerate(parts):
         cells = mesh.cells(i)
         x, y, phi, D = own.at(inside[cells].ravel())
         r[cells], theta[cells] = (x + 1j * y).reshape(-1, degree + 1), phi.reshape(-1, degree + 1)
