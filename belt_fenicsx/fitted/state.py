@@ -24,7 +24,7 @@ from belt_fenicsx.taut_string.string import TautString
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
 EVEN, ENDS = np.linspace(0.0, 1.0, POINTS), np.array([0.0, 1.0])
-SHORTEST = 1e-9  # A part of a string that is no longer, in belt lengths, is left out.
+LEAST = 0.02  # A part on a pulley takes at least this part of the contact in a first guess.
 ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a coordinate, in belt lengths
 
 
@@ -443,34 +443,44 @@ def from_drive(scene: Scene, string: StringDrive, degree: int, elements: int | N
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
-    # Where the string slides along no part of a wrap, or all of it, there may be a part that is nothing.
-    parts = [own for own in string.parts if own.length > SHORTEST]
-    layout = ordered(scene, [own.part for own in parts if own.part.touches])
+    layout = ordered(scene, [own.part for own in string.parts if own.part.touches])
+    lengths = np.array([own.length for own in string.parts])
     # Scaled, the last end is where the belt ends to the last bit.
-    lengths = np.array([own.length for own in parts])
-    ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    ends = scene.belt.length * (ends / ends[-1] - 0.5)
-    strain = float(np.mean([own.stretches for own in parts])) - 1.0
+    true = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum() - 0.5
+    ends = scene.belt.length * _apart(layout, true)
+    strain = float(np.mean([own.stretches for own in string.parts])) - 1.0
     state = _blank(scene, layout, ends, strain, degree, elements)
-    nodes, mesh = points(degree)[0], state.mesh
-    inside = state.cells[:, :1] + (state.cells[:, 1:] - state.cells[:, :1]) * nodes
+    nodes = points(degree)[0]
+    inside = (state.sigma[:, :1] + state.length[:, None] * nodes) / scene.belt.length
     radius = np.array([pulley.radius for pulley in scene.pulleys])
     elongations = np.zeros(radius.size)
-    r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(len(inside))
-    for i, own in enumerate(parts):
-        cells = mesh.cells(i)
-        x, y, phi, D = own.at(inside[cells].ravel())
-        r[cells], theta[cells] = (x + 1j * y).reshape(-1, degree + 1), phi.reshape(-1, degree + 1)
-        middle = inside[cells, :2].mean(axis=1)
-        force = own.force[0] + middle * (own.force[1] - own.force[0])
-        along[cells] = np.maximum(force, LEAST_STRAIN * scene.belt.extensional_stiffness) * np.mean(own.stretches)
+    r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(inside.shape)
+    part = np.clip(np.searchsorted(true, inside, side="right") - 1, 0, len(lengths) - 1)
+    for i, own in enumerate(string.parts):
+        here = part == i
+        fraction = np.clip((inside[here] - true[i]) / (true[i + 1] - true[i]), 0.0, 1.0)
+        x, y, theta[here], D = own.at(fraction)
+        r[here] = x + 1j * y
+        force = own.force[0] + fraction * (own.force[1] - own.force[0])
+        along[here] = np.maximum(force, LEAST_STRAIN * scene.belt.extensional_stiffness) * D
         if own.part.touches and (own.part.kind == "stick" or elongations[own.part.pulley] == 0.0):
             on = own.part.pulley
             # The touching fibre's stretch is as much smaller as its radius is.
             elongations[on] = own.stretches[0] * radius[on] / (radius[on] + scene.belt.contact_offset) - 1.0
     _drive(state, Driven(elongations, string.rate, np.array(string.take_ups)))
-    _pressed(state, along)
+    _pressed(state, along[:, :2].mean(axis=1))
     return _placed(state, r, theta)
+
+
+def _apart(layout: Layout, ends: Array) -> Array:
+    """Ends of parts, of which none takes less than a part `LEAST` of the contact that it is in."""
+    ends = ends.copy()
+    for pulley in layout.pulleys:
+        on = layout.on(pulley)
+        lengths = np.diff(ends[on[0] : on[-1] + 2])
+        lengths = np.maximum(lengths, LEAST * lengths.sum()) / np.maximum(lengths, LEAST * lengths.sum()).sum() * lengths.sum()
+        ends[on[0] + 1 : on[-1] + 1] = ends[on[0]] + np.cumsum(lengths)[:-1]
+    return ends
 
 
 def _pressed(state: State, tension: Array) -> None:
