@@ -34,8 +34,6 @@ LARGEST_STEP = 0.5
 SETTLED = 0.1
 # A step that takes at most this part from the length of a zone moves nodes on the pulley straight ahead.
 STRAIGHT = 0.02
-# After so many steps, one after another, that had to be shortened, a zone has shrunk to nothing.
-MOST_SHORTENED = 10
 # SNES ends after this number of iterations.
 MOST_ITERATIONS = 30
 # The iteration on at most this number of cells is kept for the next scene.
@@ -121,7 +119,6 @@ class Iteration:
     def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
         """The iteration; called by SNES."""
         reasons = PETSc.SNES.ConvergedReason
-        shortened = 0
         for iteration in range(snes.max_it):
             self.residuals()
             residual = self.condensed.residual_norm() if self._monitored else 0.0
@@ -142,9 +139,6 @@ class Iteration:
             shortest = self.values[:, self._length].min()
             arrived = change <= self._arrived * shortest and shortening <= SETTLED and not held
             self._move_nodes(step, bent=shortening > STRAIGHT and not arrived)
-            shortened = shortened + 1 if shortening > LARGEST_STEP else 0
-            if shortened == MOST_SHORTENED:
-                return snes.setConvergedReason(reasons.DIVERGED_LINE_SEARCH)
             if arrived:
                 return snes.setConvergedReason(reasons.CONVERGED_SNORM_RELATIVE)
             self._measure()

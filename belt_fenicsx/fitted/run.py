@@ -157,10 +157,10 @@ class Run:
         Where sliding behind stick shrinks to nothing, once more with it turned round: on a pulley that is hardly loaded
         a first guess may have the wrong sense.
         """
-        turned = set[int]()
+        turned, arrived = set[int](), ARRIVED if self.scene.is_published else CLOSE
         while True:
             try:
-                return self.newton(start, f"{stage}: {why}")
+                return self.newton(start, f"{stage}: {why}", arrived=arrived)
             except NotConverged as failed:
                 shrunk = shrunk_behind_stick(start, failed.state) - turned
                 if self.scene.is_published or not shrunk:
