@@ -185,7 +185,7 @@ def levels(table: Table) -> tuple[list[Level], Array]:
 
 
 def _chains(table: Table) -> Array:
-    """What couples the cells of each pulley: left node, tractions, right node, the pulley's scalars ``(pulleys, m, w)``.
+    """What couples each pulley's cells: left node, tractions, right node, the pulley's scalars ``(pulleys, m, w)``.
 
     Where there are fewer cells than on another pulley, cells without tractions and right nodes come first.
     """

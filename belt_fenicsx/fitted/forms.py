@@ -1,10 +1,11 @@
-"""The fitted method in UFL: one set of forms for each degree, which serves every scene and every list of zones.
+"""The fitted method in UFL: one set of forms for each degree and kind of scene, which serves every list of zones.
 
 All cells are unit cells (eta). Their map to the belt is an unknown like the others: sigma(eta), piecewise linear, whose
 values at the borders of zones are free. So are the stretch in stick, one for each pulley, and in contact the pressure p
-and the friction f; with loads, the transport rate c and the displacements of pulleys. Everything that tells zones, pulleys and scenes apart is data: the belt's stiffnesses are constants,
-what a cell lies on are values of this cell, and one-sided values at its nodes switch equations on. The derivative of
-the residual in the direction of sigma is what moves the borders.
+and the friction f; with loads, the transport rate c and the displacements of pulleys. Everything that tells zones,
+pulleys and scenes apart is data: the belt's stiffnesses are constants, what a cell lies on are values of this cell, and
+one-sided values at its nodes switch equations on. The derivative of the residual in the direction of sigma is what
+moves the borders.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ CHORD = (
 )  # fmt: skip
 # The pulley on which a cell lies: its radius, its friction coefficient, its side of the belt (+1 on the right), and
 # what its drive gives: the transition's x from the centre, the elongation D - 1 in stick, or the force of friction.
-# With loads, also what the last one loses with the speed of the belt in stick, whether D - 1 is given by the speed of
-# the surface, and for a pulley that moves the direction of its way and the force along it.
+# With loads, also what the last one loses with the speed of the belt in stick, and the direction and the force of a
+# take-up.
 PULLEY = ("R", "mu", "side", "given")
 MORE = ("drag", "way_x", "way_y", "force_along")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "stretch", "grip", "force")
@@ -65,9 +66,9 @@ class Forms:
     """Compiled forms of one cell.
 
     Their coefficients are the cell's unknowns, in the order r (x, y of each node), theta, p, f, sigma, elongation D - 1
-    in stick, and with loads transport rate and take-up; each field's in the order left node, right node, inner nodes; p and f live at the Gauss points. Then the
-    values of `switches_of` on both sides of the cell; then those of ``CHORD``, from which r and theta deviate, and of
-    `pulley_data`. Their constants are `constants_of`.
+    in stick, and with loads transport rate and take-up; each field's in the order left node, right node, inner nodes;
+    p and f live at the Gauss points. Then the values of `switches_of` on both sides of the cell; then those of
+    ``CHORD``, from which r and theta deviate, and of `pulley_data`. Their constants are `constants_of`.
 
     Attributes:
         F: Residual ``(dofs,)``.
@@ -284,7 +285,16 @@ def border_conditions(
     a, b1, b2, mass = rod_data.a - square * rod_data.inertia, rod_data.b1, rod_data.b2, square * rod_data.density
     own_weight = ufl.dot(belt.e1, weight), ufl.dot(belt.e2, weight)
     p, f = rod.tractions(
-        belt.strains, 1 + belt.e, side=cell.side, radius=cell.R, a=a, b1=b1, b2=b2, mass=mass, offset=belt.offset, weight=own_weight
+        belt.strains,
+        1 + belt.e,
+        side=cell.side,
+        radius=cell.R,
+        a=a,
+        b1=b1,
+        b2=b2,
+        mass=mass,
+        offset=belt.offset,
+        weight=own_weight,
     )
     borders += v.sigma * (
         on.x * (belt.r[0] - cell.given)

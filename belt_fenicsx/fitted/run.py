@@ -171,7 +171,9 @@ class Run:
 
     def sharpen(self, state: State, why: str) -> State:
         """The same state known well enough to compare it with a limit."""
-        return self.newton(state.of_degree(max(FINE, state.degree)), why, arrived=PLACED if self.scene.is_published else CLOSE)
+        return self.newton(
+            state.of_degree(max(FINE, state.degree)), why, arrived=PLACED if self.scene.is_published else CLOSE
+        )
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a contact and, but for the lowest degree, the belt is pressed onto the pulley."""
@@ -305,14 +307,18 @@ def from_softer_drive(run: Run) -> State:
     assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
 
     def softer(factor: float) -> Run:
-        return replace(run, scene=run.scene.altered(belt=replace(belt, bending_stiffness=factor * belt.bending_stiffness)))
+        return replace(
+            run, scene=run.scene.altered(belt=replace(belt, bending_stiffness=factor * belt.bending_stiffness))
+        )
 
     state = from_drive(softer(factor), FINE)
     while factor < 1.0:
         stiffer = min(factor * growth, 1.0)
         way = softer(stiffer)
         try:
-            found = way.newton(way.transfer(state, state.layout, state.ends), f"a belt of {factor:.3g} of the stiffness")
+            found = way.newton(
+                way.transfer(state, state.layout, state.ends), f"a belt of {factor:.3g} of the stiffness"
+            )
         except Stopped:
             found = state
         if found is not state and not lifts(found):

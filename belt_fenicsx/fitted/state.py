@@ -19,6 +19,8 @@ from belt_fenicsx.layout.posed import gives_rate, ordered
 from belt_fenicsx.mechanics.rod import Strains, tractions
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields, simpson_weights
+from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import StringDrive
 from belt_fenicsx.taut_string.string import TautString
 
@@ -55,7 +57,7 @@ def prolongation(coarse: int, fine: int, loads: bool) -> Array:
     old, new = local(coarse), local(fine)
     nodes, gauss = points(fine)
     nodal, traction = nodal_basis(coarse, nodes)[0].T, gauss_basis(coarse, gauss).T
-    # What cells share at their ends stays so to the last bit: an angle goes round with a loop, and so does its rounding.
+    # What cells share at their ends stays so to the last bit: rounding would bend the belt at its nodes.
     nodal[:, :2] = np.eye(coarse + 1, 2)
     result = np.zeros((width(coarse, loads), width(fine, loads)))
     result[old.r, new.r] = np.kron(nodal, np.eye(2))
@@ -384,6 +386,7 @@ def _drive(state: State, driven: Driven) -> None:
 
 def _placed(state: State, r: Array, theta: Array) -> State:
     """Puts the nodes to ``r``, in the complex plane, and ``theta`` ``(n, k + 1)``, and the ends where they belong."""
+    theta[:-1, 1] = theta[1:, 0]
     if state.layout.closed:
         turn = 2.0 * math.pi * round((theta[-1, 1] - theta[0, 0]) / (2.0 * math.pi))
         r[-1, 1], theta[-1, 1] = r[0, 0], theta[0, 0] + turn
@@ -478,7 +481,11 @@ def _apart(layout: Layout, ends: Array) -> Array:
     for pulley in layout.pulleys:
         on = layout.on(pulley)
         lengths = np.diff(ends[on[0] : on[-1] + 2])
-        lengths = np.maximum(lengths, LEAST * lengths.sum()) / np.maximum(lengths, LEAST * lengths.sum()).sum() * lengths.sum()
+        lengths = (
+            np.maximum(lengths, LEAST * lengths.sum())
+            / np.maximum(lengths, LEAST * lengths.sum()).sum()
+            * lengths.sum()
+        )
         ends[on[0] + 1 : on[-1] + 1] = ends[on[0]] + np.cumsum(lengths)[:-1]
     return ends
 
@@ -511,7 +518,12 @@ def from_fields(
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
         driven: What there is to know of the pulleys besides the fields; that of a state is known.
+
+    Raises:
+        Stopped: A zone has no length.
     """
+    if np.any(np.diff(ends) <= 0.0):
+        raise Stopped(Status.NEWTON_DIVERGED, f"In {layout}, there is a zone of no length.")
     if driven is None:
         assert isinstance(old, State), "fields alone do not tell how the pulleys turn"
         driven = Driven(old.stretches - 1.0, old.rate, old.moves)
