@@ -37,7 +37,7 @@ STRAIGHT = 0.02
 # SNES ends after this number of iterations.
 MOST_ITERATIONS = 30
 # The iteration on at most this number of cells is kept for the next scene.
-KEPT = 200
+KEPT = 300
 # The angle of a cell's frame is a whole number of radians over this.
 FRAMES = 2.0**20
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
@@ -254,13 +254,11 @@ class Iteration:
         Args:
             straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
-        mesh, bent = self._mesh, np.zeros_like(straight)
-        contact = mesh.touches
-        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._parabolas[contact]
-        arm = on_parabolas + self._deviation[contact]
+        mesh, touches = self._mesh, self._touches[:, None]
+        arm = on_chords(self._chords, self._nodes) + self._parabolas + self._deviation
         distance = np.abs(arm)
-        turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
-        bent[contact] = arm * (turn * (self._radius[contact, None] / distance) - 1.0) - straight[contact]
+        turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
+        bent = touches * (arm * (turn * (self._radius[:, None] / distance) - 1.0) - straight)
         # A free zone follows its moving ends as a sheared bar does: by the square of the distance from the other one.
         place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
         for index, part in enumerate(mesh.layout.parts):
@@ -285,7 +283,7 @@ def iteration_on(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] 
     return make(mesh, degree, terms, moving)
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=48)
 def _iteration_on(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...]) -> Iteration:
     return Iteration(mesh, degree, terms, moving)
 

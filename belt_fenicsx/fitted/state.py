@@ -339,7 +339,7 @@ class State:
         p, f = np.zeros((2, cell.size))
         contact = self.mesh.touches[cell]
         cell, xi = cell[contact], xi[contact]
-        p[contact], f[contact] = self.tractions(cell, *self.strains_at(cell, xi), self.at(cell, xi)[1])
+        p[contact], f[contact] = self.tractions(cell, *self._strained(cell, xi))
         return p, f
 
     @property
@@ -349,10 +349,16 @@ class State:
 
     def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""
-        (nodal, slopes), theta = nodal_basis(self.degree, xi), self.values[cell][:, local(self.degree).theta]
-        force = np.einsum("mi,mi->m", gauss_basis(self.degree, xi), self.force[cell])
-        strain = self.strain(force, np.einsum("mi,mi->m", nodal, theta))
-        return strain, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
+        return self._strained(cell, xi)[:2]
+
+    def _strained(self, cell: Array, xi: Array) -> tuple[Array, Array, Array]:
+        """The same, and theta."""
+        (nodal, slopes), values = nodal_basis(self.degree, xi), self.values[cell, local(self.degree).theta]
+        force, theta = (
+            np.einsum("mi,mi->m", gauss_basis(self.degree, xi), self.force[cell]),
+            np.einsum("mi,mi->m", nodal, values),
+        )
+        return self.strain(force, theta), np.einsum("mi,mi->m", slopes, values) / self.length[cell], theta
 
 
 def on_chords(chords: Array, xi: Array) -> Array:
