@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drives import NAMES, REFERENCE, differences, drive, senses
 
-from belt_fenicsx import Belt, Pulley, Scene, Status, bvp, solve
+from belt_fenicsx import Belt, Pulley, Scene, Solution, Status, bvp, solve, sweep
 from belt_fenicsx.fitted.dofs import Terms, local, table, terms_of
 from belt_fenicsx.fitted.elimination import levels
 from belt_fenicsx.fitted.newton import iteration_on, newton
@@ -295,3 +295,30 @@ def test_neighbours_share_their_nodes_all_around():
     theta = finer.values[:, local(12).theta]
     np.testing.assert_array_equal(theta[1:, 0], theta[:-1, 1])
     assert theta[-1, 1] == theta[0, 0] - 2.0 * math.pi
+
+
+# What comes after a solve
+
+
+@pytest.mark.parametrize("name", ["two-fast", "chapter-surface", "take-up"])
+def test_a_file_knows_the_fields_between_points(name, tmp_path):
+    pushed = with_last(drive("two-equal"), take_up=(1.0, 0.0), force=2500.0)
+    solution = solve(pushed if name == "take-up" else drive(name), method="fitted")
+    solution.save(tmp_path / "drive.npz")
+    half = solution.scene.belt.length / 2
+    sigma = np.linspace(-half, half, 101)
+    assert Solution.load(tmp_path / "drive.npz").evaluate(sigma) == solution.evaluate(sigma)
+
+
+def test_sweep_of_a_torque_goes_on_from_the_drive_before():
+    torques = [10.0, 15.0, 20.0]
+    table = sweep(drive("two-equal"), over="pulleys.1.torque", values=torques)
+    alone = [solve(with_last(drive("two-equal"), torque=torque), method="fitted") for torque in torques]
+    assert table.success
+    rates = [solution.transport_rate for solution in alone]
+    assert [row.transport_rate for row in table.solutions] == pytest.approx(rates, rel=1e-8)
+
+
+def test_answers_do_not_depend_on_the_number_of_elements():
+    rates = [solve(drive("two-fast"), method="fitted", elements=n, rtol=1e-9).transport_rate for n in (40, 90)]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-9)
