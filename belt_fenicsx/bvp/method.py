@@ -28,7 +28,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.search.find import answers, find, layout_of, settle_from
 from belt_fenicsx.search.limits import check_smooth, meets
-from belt_fenicsx.search.several import solve_several
+from belt_fenicsx.search.several import meet_drives, solve_several
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
@@ -132,6 +132,8 @@ def _find(run: Run, initial: Solution | None) -> State:
         run.cells, run.end = cells, None
         try:
             state = find(run, _warm(run, initial) or _cold(run))
+            if not run.scene.is_published and not meets(run, state):
+                state = find(run, meet_drives(run, state))
         except Stopped as stopped:
             diverged = stopped.status is Status.NEWTON_DIVERGED
             if not diverged or (not found and (stopped.final or cells == MESHES[-1])):

@@ -1,7 +1,7 @@
 """Newton's iteration on meshes graded by the belt's boundary layers, and the error of what it finds.
 
-All meshes are uniform in the coordinates of the parts' maps, which widen the layers. So errors fall with a clean power of
-the number of cells, and two meshes show them.
+All meshes are uniform in the coordinates of the parts' maps, which widen the layers. So errors fall with a clean power
+of the number of cells, and two meshes show them.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ SAFETY = 4.0  # Of the error estimate.
 LAST_DIGIT = 1e-15  # No estimate is below what rounding leaves.
 STALLED = 2  # That many meshes whose errors are no smaller than before show that rounding leaves no more.
 WORK = 500.0  # Of a solve, at most; an iteration on a mesh of few cells is one unit.
+FEW_PARTS = 6  # An iteration costs as many times more as there are more parts.
 OVERHEAD = 24  # An iteration on that many cells costs twice as much as on none.
 
 
@@ -156,7 +157,7 @@ class Work:
                 "answer yet. Start from a solution nearby (`initial`), or drive the pulley by `x_trans` first.",
                 final=True,
             )
-        unit = 1.0 + start.cells / OVERHEAD
+        unit = (1.0 + start.cells / OVERHEAD) * max(1.0, len(problem.parts) / FEW_PARTS)
         most = int(np.clip(self.left / unit, 1, ITERATIONS))
         solution = newton(problem, start, tolerance, positive=positive, most=most)
         self.iterations += solution.iterations
@@ -237,8 +238,8 @@ def refined(
     Args:
         problem: The problem.
         coarse: Its solution on a coarse mesh.
-        change: How far two solutions differ in each of the things that are asked for ``(q,)``: first a functional, which
-            ends of cells tell, and then fields.
+        change: How far two solutions differ in each of the things that are asked for ``(q,)``: first a functional,
+            which ends of cells tell, and then fields.
         wanted: The errors of them that are allowed ``(q,)``.
         work: What may be spent.
         closer: The end of Newton's iteration, over the first error that is allowed.

@@ -76,10 +76,10 @@ def gives_rate(scene: Scene, layout: Layout) -> int | None:
 def slips_through(scene: Scene, layout: Layout) -> int | None:
     """A pulley that slides all along though the rest of the drive needs its speed; None where there is none.
 
-    Without inertia, the transport rate of a loop does not matter to forces: one given speed gives it. If the belt does
-    not stick to any pulley of given speed, the drive is at the limit of what friction can transmit.
+    A given speed gives the transport rate of a loop. If the belt does not stick to any pulley of given speed, the drive
+    is at the limit of what friction can transmit.
     """
-    if scene.transport_rate is not None or scene.has_inertia or gives_rate(scene, layout) is not None:
+    if scene.transport_rate is not None or gives_rate(scene, layout) is not None:
         return None
     return next(i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
 

@@ -1,30 +1,39 @@
 """Answers for drives of several pulleys, or with loads, from the exact string.
 
 1. The string says where the belt sticks and slides: its rows are the first ones, and the method starts from it.
-2. A pulley with a given torque or speed, on which the string sticks all along, may need a short part that slides before
+2. Where that leads nowhere, more friction does, with which less of the belt slides: from there, friction falls to what
+   it is, step by step.
+3. A pulley with a given torque or speed, on which the string sticks all along, may need a short part that slides before
    its run-off: what is missing tells its sense and its length, R (mu p -+ f) d = missing torque.
-3. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there is
-   no answer and the string slides along nearly all of a pulley, or more, the state at that limit says what is transmitted.
+4. One on which it slides all along in one sense may meet a torque by sliding both ways.
+5. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there
+   is no answer and the string slides along nearly all of a pulley, or more, the state at that limit says what is
+   transmitted.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part, sliding
-from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered
-from belt_fenicsx.search.find import settle_from
+from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.pulley import Slip
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.find import settle_from
 from belt_fenicsx.search.limits import ahead, limit_state, meets, slides_as_driven, unmet
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import BeyondCapacity, string_drive
 
+MUCH, FALL, LEAST_FALL = 2.0, 0.5, 0.9  # Friction to start from; by which it falls in a step, at least and at most.
 NEARLY = 0.8  # The string slides along so much of a wrap where the belt may be at its limit.
 SHORT = 0.1  # So much of a contact next to its limit sticks in a first guess.
 LONGEST = 0.5  # A new part that slides takes this part of a stick part, at most.
@@ -42,22 +51,71 @@ def solve_several(method: Method[S]) -> S:
     except BeyondCapacity as beyond:
         state = _below_limit(method, beyond.pulley, beyond.sense)
     except Stopped as stopped:
-        if stopped.final or (nearest := _nearest_to_its_limit(method)) is None:
+        if stopped.final:
             raise
-        state = _below_limit(method, *nearest)
+        found = _from_more_friction(method)
+        if found is None and (nearest := _nearest_to_its_limit(method)) is not None:
+            found = _below_limit(method, *nearest)
+        if found is None:
+            raise
+        state = found
+    return meet_drives(method, state)
+
+
+def meet_drives(method: Method[S], state: S) -> S:
+    """A state near another one in which pulleys that slide nowhere, or all along, have the speeds and torques given.
+
+    Raises:
+        Stopped: A torque is beyond what friction can transmit.
+    """
     for _ in range(ROUNDS * len(method.scene.pulleys)):
-        sticking = [index for index in unmet(method, state) if not slides_as_driven(method, state, index)]
-        if not sticking:
-            break
-        start = _slides_before_run_off(method, state, sticking[0])
+        missing = [index for index in unmet(method, state) if not slides_as_driven(method, state, index)]
+        start = _divided(method, state, missing) if missing else None
         if start is None:
             break
-        why = f"the drive of pulley {sticking[0]} is not met; now {start.layout}"
+        why = f"the drive of pulley {missing[0]} is not met; now {start.layout}"
         if (slid := settle_from(method, start, "run-off", why)) is None or slid.layout == state.layout:
             break
         state = slid
     meets(method, state)
     return state
+
+
+def _from_more_friction(method: Method[S]) -> S | None:
+    """A state of the drive, from one with more friction; None where there is none on the way."""
+    scene = method.scene
+    frictions = [pulley.friction for pulley in scene.pulleys if pulley.friction > 0.0]
+    factor, ratio, iterations = max(MUCH / min(frictions, default=MUCH), 1.0), FALL, 0
+    last: S | None = None
+    while True:
+        pulleys = tuple(replace(pulley, friction=factor * pulley.friction) for pulley in scene.pulleys)
+        easier = method.at(scene.altered(pulleys=pulleys))
+        reached = _reached(easier, last, f"{factor:.3g} times as much")
+        iterations += easier.stages.iterations
+        if reached is not None and factor == 1.0:
+            method.stages.ran("more friction", "the string did not lead to a plausible state", iterations)
+            return reached
+        if reached is None and (last is None or ratio > LEAST_FALL):
+            method.stages.ran("more friction", "it leads to no plausible state either", iterations)
+            return None
+        if reached is None:
+            factor, ratio = factor / ratio, math.sqrt(ratio)
+        else:
+            last = reached
+        factor = max(factor * ratio, 1.0)
+
+
+def _reached(method: Method[S], last: S | None, why: str) -> S | None:
+    """A state near the last one, or from the method's own start; None where there is none."""
+    try:
+        if last is None:
+            state: S | None = method.start()
+        else:
+            start = method.transfer(last, last.layout, method.samples(last).ends)
+            state = settle_from(method, start, "more friction", why)
+    except Stopped:
+        return None
+    return state if state is not None and method.is_plausible(state) else None
 
 
 def _nearest_to_its_limit(method: Method[S]) -> tuple[int, Slip] | None:
@@ -91,20 +149,45 @@ def _below_limit(method: Method[S], index: int, sense: Slip) -> S:
     return state
 
 
-def _slides_before_run_off(method: Method[S], state: S, index: int) -> S | None:
-    """A first guess with a short part that slides before the run-off of a pulley; None where it does not stick there."""
-    layout, samples, pulley = state.layout, method.samples(state), method.scene.pulleys[index]
-    last = layout.on(index)[-1]
-    at = samples.parts[last]
-    if layout.parts[last].kind != "stick" or at is None:
+def _divided(method: Method[S], state: S, pulleys: Sequence[int]) -> S | None:
+    """A first guess with other parts on the first of some pulleys, whose drives are not met; None without any."""
+    layout, samples, index = state.layout, method.samples(state), pulleys[0]
+    on = layout.on(index)
+    last = samples.parts[on[-1]]
+    assert last is not None, "a part on a pulley"
+    ends = samples.ends[on[0] : on[-1] + 2]
+    if layout.parts[on[-1]].kind == "stick":
+        parts, ends = _slides_before_run_off(method.scene, samples, index, last, ends)
+        parts = [*(layout.parts[i] for i in on), *parts]
+    elif len(on) == 1 and method.scene.pulleys[index].drive.kind == "torque":
+        parts, ends = _slides_both_ways(method.scene, samples, index, last, ends)
+    else:
         return None
-    exceeds = ahead(method.scene, samples, index)
-    part = sliding(-exceeds, index)
-    gained = -part.sense * pulley.friction * at.p[-1] - at.f[-1]
-    start, end = samples.ends[last : last + 2]
+    before, after = [[p for p in some if p.touches] for some in (layout.parts[: on[0]], layout.parts[on[-1] + 1 :])]
+    rows = ordered(method.scene, [*before, *parts, *after])
+    return method.transfer(state, rows, np.concatenate([samples.ends[: on[0]], ends, samples.ends[on[-1] + 2 :]]))
+
+
+def _slides_before_run_off(
+    scene: Scene, samples: Samples, index: int, last: Sample, ends: Array
+) -> tuple[list[Part], Array]:
+    """A short part that slides before the run-off of a pulley, and the ends of the parts there with it."""
+    exceeds = ahead(scene, samples, index)
+    slides = sliding(-exceeds, index)
+    gained = -slides.sense * scene.pulleys[index].friction * last.p[-1] - last.f[-1]
     length = exceeds / gained if gained * exceeds > 0.0 else math.inf
-    place = end - min(length, LONGEST * (end - start))
-    contact = [p for p in layout.parts if p.touches]
-    contact.insert(sum(p.touches for p in layout.parts[: last + 1]), part)
-    wanted: Layout = ordered(method.scene, contact)
-    return method.transfer(state, wanted, np.insert(samples.ends, last + 1, place))
+    return [slides], np.insert(ends, -1, ends[-1] - min(length, LONGEST * (ends[-1] - ends[-2])))
+
+
+def _slides_both_ways(scene: Scene, samples: Samples, index: int, at: Sample, ends: Array) -> tuple[list[Part], Array]:
+    """Parts on a pulley on which the belt slides forward where it is faster than what meets the torque; their ends."""
+    pulley, rate = scene.pulleys[index], samples.rate
+    pressures = np.append(0.0, np.diff(at.sigma) * (at.p[1:] + at.p[:-1]) / 2.0)
+    order = np.argsort(at.D)
+    # The resultant of friction, if the belt is slower than the pulley in the slowest of its places.
+    friction = pulley.friction * (2.0 * np.cumsum(pressures[order]) - pressures.sum())
+    torque = (pulley.torque or 0.0) + pulley.drag * rate * samples.pulleys[index].speed / pulley.radius
+    faster = at.D > np.interp(-torque / pulley.radius, friction, at.D[order])
+    changes = np.flatnonzero(np.diff(faster)) + 1
+    parts = [sliding(1.0 if faster[i] else -1.0, index) for i in (0, *changes.tolist())]
+    return parts, np.concatenate([ends[:1], (at.sigma[changes - 1] + at.sigma[changes]) / 2.0, ends[-1:]])

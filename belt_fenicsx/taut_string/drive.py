@@ -8,37 +8,38 @@ R + e. With T = b1 (D - 1) and the centrifugal action of the moving belt, what s
 so that an angle |ln(F_off / F_up)| / mu of the wrap slides before the run-off, forward where F grows. The torque on the
 pulley is (R + e) (F_off - F_up); its surface moves with the touching fibre, at c D (R / (R + e)) where the belt sticks.
 Friction acts on that fibre, so that R int f makes this torque: mu is to be taken R / (R + e) times as large.
-The unknowns are F in each span and, in a loop, c; the equations one for each pulley, what drives it, and the length.
 
-1. Newton's iteration for all pulleys that stick somewhere.
-2. A pulley whose wrap is too small for the angle slides all along instead; again.
-3. Where that leaves no speed to give the transport rate, or a torque unmet, the drive is beyond its capacity.
+`forces` finds F in all spans, with friction that is not exceeded. A pulley of given speed may then slide all along, if
+another one gives the transport rate; a torque that is not met is beyond the capacity of the drive.
 """
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.kind import FREE, SENSE, Part
-from belt_fenicsx.scene.path import Arc, Path, Point, tangent_path
-from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley, Slip
+from belt_fenicsx.layout.kind import FREE, Part
+from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.path import Arc, Line, Path, Point, tangent_path, taut_path
+from belt_fenicsx.scene.pulley import RUN_UP, Pulley, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.forces import Chain, Forces, friction
 
-STEP = 1e-30  # Imaginary step of derivatives.
-ITERATIONS = 50  # Newton's iterations, at most.
-CONVERGED = 1e-13  # Steps that are no larger, relative to the largest force, end them.
-RATES = 8  # Corrections of the transport rate at a limit.
-LEAST = 0.2  # A step leaves at least this part of each force.
-LEAST_STRAIN = 1e-4  # A string that would be slack starts from this strain.
+ITERATIONS = 50  # Newton's iterations for take-ups, at most.
+CONVERGED = 1e-13  # Transport rates at a limit that are no farther apart are the same.
+MET = 1e-12  # A take-up has its force with no larger error, relative to it.
+MOST_CENTRIFUGAL = 0.5  # G / b1 for which a slack belt is made taut.
+TAUT, NEAR = 1e-3, 1e-2  # Strain from which a slack belt starts, and how well it is met, relative to it.
+RATES = 10  # Corrections of the transport rate at a limit, at most.
 NOTHING = 1e-12  # An angle that is no larger, in parts of the wrap, does not slide.
+LACKING = 1e-11  # A torque that lacks no more is met, in parts of the radius and the larger force.
+LEAST_PART = 1e-4  # Of a step of Newton's iteration, at least this part is taken.
 MOVED = 1e-7  # Displacement for differences of take-ups, in lengths of the belt.
 
 
@@ -79,9 +80,9 @@ class StringPart:
         sigma = fraction * self.length
         if self.rate:
             # From sigma = (R + e) (b1 - G) / (b1 k) (k a - ln((b1 + F exp(k a)) / (b1 + F))), a the angle turned by.
-            grown = np.exp(sigma * b1 * self.rate / (arc.radius * shifted))
-            factor = grown * b1 / (b1 + F - F * grown)
-            turned, D = np.log(factor) / self.rate, (F * factor + b1) / shifted
+            grown = np.expm1(sigma * b1 * self.rate / (arc.radius * shifted))
+            factor = grown * (b1 + F) / (b1 - F * grown)
+            turned, D = np.log1p(factor) / self.rate, (F + F * factor + b1) / shifted
         else:
             turned, D = sigma * self.stretches[0] / arc.radius, np.full_like(fraction, self.stretches[0])
         phi = self.angles[0] - arc.turn * turned
@@ -111,6 +112,10 @@ class StringDrive:
     take_ups: tuple[float, ...]
     centers: tuple[Point, ...]
 
+    def asked(self, pulley: Pulley, index: int) -> float:
+        """Torque that is given to a pulley, at the speed that it has."""
+        return pulley.drive.by("torque") + pulley.drive.drag * self.omegas[index]
+
 
 class BeyondCapacity(Stopped):
     """A torque that friction cannot transmit.
@@ -134,49 +139,115 @@ def string_drive(scene: Scene) -> StringDrive:
     """
     moving = [index for index, pulley in enumerate(scene.pulleys) if pulley.take_up is not None]
     moves = _moves(scene, moving) if moving else np.zeros(0)
-    return _drawn(scene, _centers(scene, moving, moves))
+    drawn, beyond = _drawn(scene, _centers(scene, moving, moves))
+    if beyond is not None:
+        raise beyond
+    return drawn
 
 
-def at_capacity(scene: Scene, index: int, sense: Slip) -> tuple[Scene, int]:
+def at_capacity(scene: Scene, index: int, sense: Slip, load: int | None = None) -> tuple[Scene, int]:
     """The scene in which the belt slides all along a pulley, and the pulley whose torque is left open for that.
 
-    It is the torque on the same pulley or, if that is given its speed, the largest one. Where speeds slip, forces
+    It is the torque on the same pulley or, if that gives the speed of all, the largest one. Where speeds slip, forces
     depend on none; with inertia, the transport rate is the one with which the belt would just stick at the run-up.
+
+    Args:
+        scene: The scene.
+        index: The pulley.
+        sense: Sense of sliding on it.
+        load: The pulley whose torque is left open, if it is to be another one.
 
     Raises:
         Stopped: No torque can be left open.
     """
-    pulleys = list(scene.pulleys)
-    # Where the transport rate is given, so is that of a pulley which is driven by its speed: nothing else depends on it.
-    driven = scene.pulleys[index].drive.kind == "omega" and scene.transport_rate is None
-    loads = [i for i, p in enumerate(pulleys) if p.drive.kind == "torque"] if driven else [index]
-    if not loads:
-        raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
-    load = max(loads, key=lambda i: abs(pulleys[i].torque or 0.0))
-    undriven = {"x_trans": None, "omega": None, "torque": None, "drag": 0.0, "slip_angle": None, "slip": None}
-    pulleys[load] = replace(pulleys[load], **undriven)
-    pulleys[index] = replace(pulleys[index], **{**undriven, "x_trans": RUN_UP, "slip": sense})
-    if not driven:
+    load = _load(scene, index) if load is None else load
+    pulleys = [p.driven() if i == load else p for i, p in enumerate(scene.pulleys)]
+    pulleys[index] = scene.pulleys[index].driven(x_trans=RUN_UP, slip=sense)
+    if not _leads(scene, index) or scene.transport_rate is not None:
         return scene.altered(pulleys=tuple(pulleys)), load
     limit = scene.altered(pulleys=tuple(pulleys), transport_rate=1.0)
-    for _ in range(RATES if scene.has_inertia else 0):
-        string = string_drive(limit)
-        start = next(own for own in string.parts if own.part.touches and own.part.pulley == index)
-        reach = scene.pulleys[index].radius + scene.belt.contact_offset
-        limit = limit.altered(transport_rate=scene.pulleys[index].drive.by("omega") * reach / start.stretches[0])
+    surface = scene.pulleys[index].drive.by("omega") * (scene.pulleys[index].radius + scene.belt.contact_offset)
+
+    def sticking(rate: float) -> float:
+        """Transport rate with which the belt would stick at the run-up, if forces are those of another one."""
+        string = string_drive(limit.altered(transport_rate=rate))
+        return surface / next(own.stretches[0] for own in string.parts if own.part.touches and own.part.pulley == index)
+
+    if scene.has_inertia:
+        limit = limit.altered(transport_rate=_fixed_point(sticking, 1.0))
     return limit, load
 
 
+def _fixed_point(function: Callable[[float], float], start: float) -> float:
+    """Where a function gives its argument back, by the secant method."""
+    old, value = start, function(start)
+    old_off, x = value - old, value
+    for _ in range(RATES):
+        off = function(x) - x
+        if abs(off) <= CONVERGED or off == old_off:
+            break
+        old, old_off, x = x, off, x - off * (x - old) / (off - old_off)
+    return x
+
+
 def capacities(scene: Scene, string: StringDrive) -> tuple[float, ...]:
-    """Torques that the pulleys transmit at most, each with what is left open by `at_capacity`; NaN where nothing can be."""
+    """Torques that the pulleys transmit at most, as the one that `at_capacity` leaves open grows; NaN where none does.
+
+    The pulley on which the belt then slides all along first may be another one, which gives the speed of all.
+    """
     found = []
     for index, torque in enumerate(string.torques):
-        try:
-            limit, _ = at_capacity(scene, index, "forward" if torque > 0.0 else "backward")
-            found.append(string_drive(limit).torques[index] if scene.pulleys[index].friction > 0.0 else math.nan)
-        except Stopped:
-            found.append(math.nan)
+        limit = _limit(scene, index, "backward" if torque < 0.0 else "forward")
+        found.append(math.nan if limit is None or scene.pulleys[index].friction == 0.0 else limit.torques[index])
     return tuple(found)
+
+
+def _limit(scene: Scene, index: int, sense: Slip) -> StringDrive | None:
+    """The string that slides all along a pulley, or along what slides first; None where there is none."""
+    try:
+        load = _load(scene, index)
+        try:
+            return string_drive(at_capacity(scene, index, sense)[0])
+        except BeyondCapacity as beyond:
+            if not (beyond.pulley == load or _leads(scene, beyond.pulley)):
+                return None
+            return string_drive(at_capacity(scene, beyond.pulley, beyond.sense, load)[0])
+    except Stopped:
+        return None
+
+
+def _load(scene: Scene, index: int) -> int:
+    """The pulley whose torque grows, on the way to the limit of a pulley.
+
+    Raises:
+        Stopped: There is none.
+    """
+    if not _leads(scene, index):
+        return index
+    loads = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "torque" and p.friction > 0.0]
+    if not loads:
+        raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
+    return max(loads, key=lambda i: abs(scene.pulleys[i].drive.by("torque")))
+
+
+def _leads(scene: Scene, index: int) -> bool:
+    """Whether nothing but this pulley gives a loop its speed, or takes the torque that is left."""
+    return scene.closed and _leading(scene) == [index]
+
+
+def undivided(string: StringDrive) -> StringDrive:
+    """The string with a single part on each pulley, as a first guess, whose stretch is that at its run-up."""
+    parts: list[StringPart] = []
+    for own in string.parts:
+        if parts and own.part.touches and parts[-1].part.touches:
+            first = parts[-1]
+            angles = (first.angles[0], own.angles[1])
+            parts[-1] = replace(first, length=first.length + own.length, angles=angles, end=own.end)
+        elif own.part.touches:
+            parts.append(replace(own, part=Part("slip", "forward", own.part.pulley), rate=0.0))
+        else:
+            parts.append(own)
+    return replace(string, parts=tuple(parts))
 
 
 def _centers(scene: Scene, moving: Sequence[int], moves: Array) -> tuple[Point, ...]:
@@ -197,39 +268,77 @@ def _direction(pulley: Pulley) -> Point:
 
 
 def _moves(scene: Scene, moving: Sequence[int]) -> Array:
-    """Displacements of take-ups at which they get their forces, by Newton's iteration with differences."""
+    """Displacements of take-ups at which they get their forces, by Newton's iteration with differences.
+
+    Raises:
+        Stopped: There are none, or with them something is in the belt's way.
+    """
 
     def missed(moves: Array) -> Array:
-        drawn = _drawn(scene, _centers(scene, moving, moves))
+        try:
+            drawn, _ = _drawn(scene, _centers(scene, moving, moves))
+        except SceneError as error:
+            raise Stopped(
+                Status.CONTACT_LOST, f"A take-up moves to where `{error.field}` cannot be.", final=True
+            ) from None
         return np.array([_pushed(scene, drawn, index) for index in moving])
 
     moves = _taut(scene, moving)
+    now, allowed = missed(moves), MET * max(scene.pulleys[index].force or 0.0 for index in moving)
     for _ in range(ITERATIONS):
-        now = missed(moves)
+        if np.abs(now).max() <= allowed:
+            break
         columns = [(missed(moves + MOVED * row) - now) / MOVED for row in np.eye(len(moving))]
         step = -np.linalg.solve(np.array(columns).T, now)
-        part = 1.0
-        while part > 1e-3:
-            try:
-                if np.abs(missed(moves + part * step)).max() < np.abs(now).max():
-                    break
-            except Stopped:
-                pass
-            part /= 2.0
-        moves = moves + part * step
-        if np.abs(step).max() <= 1e-13:
-            break
+        moves, now = _nearer(moves, step, missed, float(np.abs(now).max()))
+    else:
+        raise Stopped(Status.NEWTON_DIVERGED, "The places of the take-ups were not found.", final=True)
+    try:
+        taut_path(scene, _centers(scene, moving, moves))
+    except SceneError as error:
+        message = f"Where the take-ups have their forces, `{error.field}` would have to {error.expected}."
+        raise Stopped(Status.CONTACT_LOST, message, final=True) from None
     return moves
 
 
+def _nearer(moves: Array, step: Array, missed: Callable[[Array], Array], now: float) -> tuple[Array, Array]:
+    """Displacements after a step, or after a part of it, with which less is missing, and what is.
+
+    Raises:
+        Stopped: There are none.
+    """
+    part = 1.0
+    while part > LEAST_PART:
+        try:
+            after = missed(moves + part * step)
+        except (Stopped, SceneError):
+            pass
+        else:
+            if np.abs(after).max() < now:
+                return moves + part * step, after
+        part /= 2.0
+    raise Stopped(Status.NEWTON_DIVERGED, "The places of the take-ups were not found.", final=True)
+
+
 def _taut(scene: Scene, moving: Sequence[int]) -> Array:
-    """Displacements that make the belt taut, all by the same way: none where it is taut already."""
-    for reach in (0.0, *np.geomspace(1e-3, 1.0, 20)):
-        for sign in (1.0, -1.0):
-            moves = np.full(len(moving), sign * reach)
-            if tangent_path(scene, _centers(scene, moving, moves)).length > 1.0 + LEAST_STRAIN:
-                return moves
-    raise Stopped(Status.CONTACT_LOST, "No displacement of the take-up makes the belt taut.", final=True)
+    """Displacements with which the belt is taut: none where it is so already, otherwise all of them equal."""
+    # In units of its scene, a belt has a transport rate of one, or less where it is to be found.
+    centrifugal = scene.belt.line_density / scene.belt.extensional_stiffness
+    wanted, moves = scene.belt.length * (1.0 + TAUT) / (1.0 - min(centrifugal, MOST_CENTRIFUGAL)), np.zeros(len(moving))
+
+    def path(moves: Array) -> Path:
+        return tangent_path(scene, _centers(scene, moving, moves))
+
+    def missing(moves: Array) -> Array:
+        return np.array([wanted - path(moves).length])
+
+    now = missing(moves)
+    for _ in range(ITERATIONS):
+        if now[0] <= NEAR * TAUT:
+            break
+        gain = -sum(float(np.dot(path(moves).arcs[i].pull, _direction(scene.pulleys[i]))) for i in moving)
+        moves, now = _nearer(moves, np.full(len(moving), now[0] / gain), missing, float(now[0]))
+    return moves
 
 
 def _pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
@@ -242,227 +351,116 @@ def _pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
     return float(x * load[0] + y * load[1] + (scene.pulleys[index].force or 0.0))
 
 
-def _drawn(scene: Scene, centers: tuple[Point, ...]) -> StringDrive:
-    """The string where the pulleys have these centres."""
-    path, slips = tangent_path(scene, centers), dict[int, Slip]()
-    for _ in range(1 + len(scene.pulleys)):
-        found = _Chain(scene, path, slips).solved()
-        over = {index: sense for index, sense in found.over().items() if index not in slips}
-        if not over:
-            return found.drive(centers)
-        worst = max(over, key=lambda index: found.angles[index] / path.arcs[index].wrap)
-        speeds = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "omega" and i not in slips and i != worst]
-        known = scene.transport_rate is not None or scene.has_inertia or speeds
-        if scene.pulleys[worst].drive.kind != "omega" or not known:
-            message = f"A string would slide all along pulley {worst}."
-            raise BeyondCapacity(message, worst, over[worst])
-        slips[worst] = over[worst]
-    raise Stopped(Status.NEWTON_DIVERGED, "The string slides on one pulley after another.", final=True)
+def _drawn(scene: Scene, centers: tuple[Point, ...]) -> tuple[StringDrive, BeyondCapacity | None]:
+    """The string where the pulleys have these centres, and what is beyond its capacity, if anything is."""
+    path, found = tangent_path(scene, centers), []
+    for first in _leading(scene):
+        forces = Chain(scene, path, first).solved()
+        drive = _made(scene, path, forces, centers)
+        over = _overloaded(scene, path, drive, forces, first)
+        if over is None:
+            return drive, None
+        found.append((drive, BeyondCapacity(f"A string would slide all along pulley {over[0]}.", *over)))
+    return found[0]
 
 
-class _Chain:
-    """The equations of a string, and their solution.
+def _leading(scene: Scene) -> list[int]:
+    """Pulleys that may give a loop its speed, or take the torque that is left; any number between clamps."""
+    if not scene.closed:
+        return [0]
+    kind = "omega" if scene.transport_rate is None else "none"
+    pulleys = enumerate(scene.pulleys)
+    return [i for i, p in pulleys if p.drive.kind == kind and p.friction > 0.0 and (p.omega is None or p.omega > 0.0)]
 
-    Args:
-        scene: The dimensionless scene.
-        path: The path.
-        slips: Pulleys on which the belt slides all along, past their speed, with the sense.
+
+def _overloaded(scene: Scene, path: Path, drive: StringDrive, forces: Forces, first: int) -> tuple[int, Slip] | None:
+    """A pulley whose friction is not enough, with the sense of sliding; None where there is none."""
+    if scene.closed and drive.slip_angles[first] > path.arcs[first].wrap * (1.0 + NOTHING):
+        return first, "forward" if drive.torques[first] > 0.0 else "backward"
+    lacking = {
+        i: (drive.asked(pulley, i) - drive.torques[i]) / (path.arcs[i].radius * max(forces.up[i], forces.off[i]))
+        for i, pulley in enumerate(scene.pulleys)
+        if pulley.drive.kind == "torque"
+    }
+    worst = max(lacking, key=lambda i: abs(lacking[i]), default=None)
+    if worst is None or abs(lacking[worst]) <= LACKING:
+        return None
+    return worst, "forward" if lacking[worst] > 0.0 else "backward"
+
+
+def _made(scene: Scene, path: Path, forces: Forces, centers: tuple[Point, ...]) -> StringDrive:
+    """The string with these forces on its path."""
+    b1, c = scene.belt.extensional_stiffness, forces.rate
+    string = _Drawing(b1, b1 - scene.belt.line_density * c**2)
+    spans = [string.span(line, F) for line, F in zip(path.lines, forces.spans, strict=True)]
+    parts, ahead = ([], spans) if scene.closed else (spans[:1], spans[1:])
+    omegas, torques, angles, take_ups = [], [], [], []
+    for pulley, arc, up, off, span in zip(scene.pulleys, path.arcs, forces.up, forces.off, ahead, strict=True):
+        mu, grown, speed = friction(pulley, arc), math.log(off / up), c * string.stretch(up) / arc.radius
+        angle = min(abs(grown) / mu, arc.wrap) if mu else 0.0
+        omega = pulley.drive.by("omega") if pulley.drive.kind == "omega" else speed
+        # Where a drive places a transition, there is one, even if hardly anything sticks before it.
+        through = pulley.drive.kind in ("slip_angle", "x_trans") or abs(speed - omega) > NOTHING * speed
+        sense: Slip = "forward" if grown > 0.0 else "backward"
+        parts += [*string.on_pulley(pulley, arc, up, mu, sense, angle, through), span]
+        omegas.append(omega)
+        torques.append(arc.radius * (off - up))
+        angles.append(abs(grown) / mu if mu else 0.0)
+        moved = np.subtract(arc.center, pulley.center)
+        take_ups.append(float(moved @ _direction(pulley)) if pulley.take_up else 0.0)
+    return StringDrive(
+        parts=tuple(parts), rate=c, omegas=tuple(omegas), torques=tuple(torques), slip_angles=tuple(angles),
+        take_ups=tuple(take_ups), centers=centers,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """Parts of a string, from forces and places.
+
+    Attributes:
+        b1: Extensional stiffness.
+        shifted: The same less rho A c^2.
     """
 
-    def __init__(self, scene: Scene, path: Path, slips: Mapping[int, Slip]) -> None:
-        self.scene, self.path, self.slips = scene, path, slips
-        count = len(scene.pulleys)
-        self.before = np.arange(count) - 1 if scene.closed else np.arange(count)
-        self.after = np.arange(count) if scene.closed else np.arange(count) + 1
-        self.radius = np.array([arc.radius for arc in path.arcs])
-        self.wrap = np.array([arc.wrap for arc in path.arcs])
-        self.friction = np.array(
-            [p.friction * p.radius / arc.radius for p, arc in zip(scene.pulleys, path.arcs, strict=True)]
-        )
-        self.lines = np.array([line.length for line in path.lines])
-        self.rate = scene.transport_rate
+    b1: float
+    shifted: float
 
-    def solved(self) -> _Chain:
-        """Solves the equations.
-
-        Raises:
-            Stopped: The belt is not taut, or Newton's iteration does not converge.
-        """
-        b1, strain = self.scene.belt.extensional_stiffness, self.path.length / self.scene.belt.length - 1.0
-        if strain <= 0.0:
-            raise Stopped(
-                Status.CONTACT_LOST,
-                f"The belt is slack: it is longer than its path by {-strain * 100.0:.3g} % of its length.",
-                final=True,
-            )
-        rate = self.rate if self.rate is not None else self._first_rate(strain)
-        tension = b1 * strain - self.scene.belt.line_density * rate**2 * (1.0 + strain)
-        z = np.full(self.lines.size + 1, max(tension, LEAST_STRAIN * b1))
-        z[-1] = rate
-        free = slice(0, None if self.rate is None else -1)
-        for _ in range(ITERATIONS):
-            values = self._missed(z[:, None] + 1j * STEP * np.eye(z.size))
-            missed, matrix = values[:, 0].real, values.imag[:, free] / STEP
-            try:
-                step = -np.linalg.solve(matrix, missed)
-            except np.linalg.LinAlgError:
-                break
-            # No force gets negative; how far a step may go is told by the one that falls most.
-            falls = float(np.max(-step[: self.lines.size] / z[:-1]))
-            part = min(1.0, (1.0 - LEAST) / falls) if falls > 0.0 else 1.0
-            z[free] += part * step
-            if part == 1.0 and np.abs(step[: self.lines.size]).max() <= CONVERGED * z[:-1].max():
-                self.forces, self.c = z[:-1], float(z[-1])
-                return self
-        raise Stopped(Status.NEWTON_DIVERGED, "The string's forces were not found.", final=True)
-
-    def _first_rate(self, strain: float) -> float:
-        """Transport rate of a belt of uniform strain."""
-        return next(
-            p.drive.by("omega") * arc.radius / (1.0 + strain)
-            for p, arc in zip(self.scene.pulleys, self.path.arcs, strict=True)
-            if p.drive.kind == "omega"
-        )
-
-    def stretch(self, F: Array, c: Array) -> Array:
+    def stretch(self, F: float) -> float:
         """Stretch of the middle line under a force F."""
-        b1 = self.scene.belt.extensional_stiffness
-        return (F + b1) / (b1 - self.scene.belt.line_density * c**2)
+        return (F + self.b1) / self.shifted
 
-    def _missed(self, z: Array) -> Array:
-        """Residuals of all equations ``(equations, ...)``."""
-        F, c, rows = z[:-1], z[-1], []
-        up, off = F[self.before], F[self.after]
-        stretch = self.stretch(F, c)
-        omega = c * stretch[self.before] / self.radius[:, None]
-        for i, (pulley, arc) in enumerate(zip(self.scene.pulleys, self.path.arcs, strict=True)):
-            if i in self.slips:
-                rows.append(off[i] - up[i] * math.exp(SENSE[self.slips[i]] * self.friction[i] * arc.wrap))
-                continue
-            drive = pulley.drive
-            if drive.kind == "none":
-                continue
-            if drive.kind == "omega":
-                rows.append(omega[i] - drive.by("omega"))
-            elif drive.kind == "torque" and pulley.friction > 0.0:
-                rows.append(arc.radius * (off[i] - up[i]) - drive.by("torque") - drive.drag * omega[i])
-            else:
-                angle = 0.0 if pulley.friction == 0.0 else _slip_angle(pulley, arc)
-                rows.append(off[i] - up[i] * math.exp(SENSE[drive.slip or "forward"] * self.friction[i] * angle))
-        rows.append(self._length(F, c, up, off) - self.scene.belt.length)
-        return np.array(rows)
-
-    def _length(self, F: Array, c: Array, up: Array, off: Array) -> Array:
-        """Material length of the belt that lies in the path."""
-        b1 = self.scene.belt.extensional_stiffness
-        shifted = b1 - self.scene.belt.line_density * c**2
-        spans = (self.lines[:, None] / self.stretch(F, c)).sum(axis=0)
-        grown = np.log(off / up)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            angle = np.where(self.friction[:, None] > 0.0, _abs(grown) / self.friction[:, None], 0.0)
-            # The mean of b1 / (F + b1) along the sliding part.
-            turned = np.where(np.abs(grown) > 1e-9, (grown - np.log((b1 + off) / (b1 + up))) / grown, b1 / (b1 + up))
-        sticks = (self.wrap[:, None] - angle) / self.stretch(up, c)
-        slides = shifted / b1 * angle * turned
-        return spans + (self.radius[:, None] * (sticks + slides)).sum(axis=0)
-
-    @functools.cached_property
-    def angles(self) -> Array:
-        """Angles that slide ``(pulleys,)``."""
-        grown = np.abs(np.log(self.forces[self.after] / self.forces[self.before]))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.friction > 0.0, grown / self.friction, 0.0)
-
-    def over(self) -> dict[int, Slip]:
-        """Pulleys whose wrap is less than the angle that is to slide, with the sense of sliding."""
-        grows = self.forces[self.after] > self.forces[self.before]
-        over = np.flatnonzero(self.angles > self.wrap * (1.0 + NOTHING)).tolist()
-        return {i: "forward" if grows[i] else "backward" for i in over}
-
-    def drive(self, centers: tuple[Point, ...]) -> StringDrive:
-        """The string as what comes back."""
-        parts: list[StringPart] = []
-        lines = iter(range(self.lines.size))
-        if not self.scene.closed:
-            parts.append(self._span(next(lines)))
-        for arc in self.path.arcs:
-            parts += [*self._on_pulley(arc), self._span(next(lines))]
-        up, off = self.forces[self.before], self.forces[self.after]
-        speeds = self.c * self.stretch(up, np.asarray(self.c)) / self.radius
-        omegas = [
-            p.drive.by("omega") if p.drive.kind == "omega" else float(speed)
-            for p, speed in zip(self.scene.pulleys, speeds, strict=True)
-        ]
-        return StringDrive(
-            parts=tuple(parts),
-            rate=self.c,
-            omegas=tuple(omegas),
-            torques=tuple((self.radius * (off - up)).tolist()),
-            slip_angles=tuple(np.minimum(self.angles, self.wrap).tolist()),
-            take_ups=tuple(
-                0.0 if p.take_up is None else float(np.dot(np.subtract(center, p.center), _direction(p)))
-                for p, center in zip(self.scene.pulleys, centers, strict=True)
-            ),
-            centers=centers,
-        )
-
-    def _span(self, index: int) -> StringPart:
-        line, F = self.path.lines[index], float(self.forces[index])
-        D = float(self.stretch(np.asarray(F), np.asarray(self.c)))
+    def span(self, line: Line, F: float) -> StringPart:
+        D = self.stretch(F)
         return StringPart(
             part=FREE, length=line.length / D, angles=(line.angle,) * 2, stretches=(D, D), force=(F, F),
-            start=line.start, end=line.end, arc=None, rate=0.0, stiffnesses=self._stiffnesses,
+            start=line.start, end=line.end, arc=None, rate=0.0, stiffnesses=(self.b1, self.shifted),
         )  # fmt: skip
 
-    @property
-    def _stiffnesses(self) -> tuple[float, float]:
-        b1 = self.scene.belt.extensional_stiffness
-        return b1, b1 - self.scene.belt.line_density * self.c**2
-
-    def _on_pulley(self, arc: Arc) -> list[StringPart]:
-        """The parts on a pulley: the belt sticks, and slides before the run-off."""
-        i = arc.pulley
-        pulley, angle = self.scene.pulleys[i], float(min(self.angles[i], arc.wrap))
-        up, off = float(self.forces[self.before[i]]), float(self.forces[self.after[i]])
-        sense = "forward" if off >= up else "backward"
-        slides = Part("slip", pulley.drive.slip or sense, i) if pulley.friction == 0.0 else Part("slip", sense, i)
-        sticks = Part("stick", pulley=i)
-        if pulley.friction == 0.0 or i in self.slips or pulley.x_trans == RUN_UP:
-            rows = [(slides, arc.wrap)]
-        elif angle <= NOTHING * arc.wrap and pulley.drive.kind != "omega":
-            rows = [(sticks, arc.wrap)]
+    def on_pulley(
+        self, pulley: Pulley, arc: Arc, F: float, mu: float, sense: Slip, angle: float, through: bool
+    ) -> Iterator[StringPart]:
+        """The parts on a pulley: the belt sticks, and slides through an angle before the run-off, or all along."""
+        index, drive = arc.pulley, pulley.drive
+        if mu == 0.0:
+            rows = [(Part("slip", drive.slip or "forward", index), arc.wrap)]
+        elif through and angle >= arc.wrap * (1.0 - NOTHING):
+            rows = [(Part("slip", sense, index), arc.wrap)]
+        elif angle <= NOTHING * arc.wrap and drive.kind != "omega":
+            rows = [(Part("stick", pulley=index), arc.wrap)]
         else:
-            rows = [(sticks, arc.wrap - angle), (slides, angle)]
-        made, phi, F = [], arc.start, up
+            rows = [(Part("stick", pulley=index), arc.wrap - angle), (Part("slip", sense, index), angle)]
+        phi = arc.start
         for part, turned in rows:
-            rate = float(self.friction[i]) * part.sense
-            end, after = phi - arc.turn * turned, F * math.exp(rate * turned)
-            ends = tuple(float(self.stretch(np.asarray(force), np.asarray(self.c))) for force in (F, after))
-            b1, shifted = self._stiffnesses
-            length = arc.radius * turned / ends[0]
+            rate = mu * part.sense
+            gained = F * math.expm1(rate * turned)
+            end, after = phi - arc.turn * turned, F + gained
+            length = arc.radius * turned / self.stretch(F)
             if rate:
-                length = arc.radius * shifted / (b1 * rate) * (rate * turned - math.log((b1 + after) / (b1 + F)))
-            made.append(
-                StringPart(
-                    part=part, length=length, angles=(phi, end), stretches=(ends[0], ends[1]), force=(F, after),
-                    start=arc.at(phi), end=arc.at(end), arc=arc, rate=rate, stiffnesses=self._stiffnesses,
-                )
+                length = arc.radius * self.shifted / self.b1 * (turned - math.log1p(gained / (self.b1 + F)) / rate)
+            yield StringPart(
+                part=part, length=length, angles=(phi, end), stretches=(self.stretch(F), self.stretch(after)),
+                force=(F, after), start=arc.at(phi), end=arc.at(end), arc=arc, rate=rate,
+                stiffnesses=(self.b1, self.shifted),
             )  # fmt: skip
             phi, F = end, after
-        return made
-
-
-def _slip_angle(pulley: Pulley, arc: Arc) -> float:
-    """The angle of sliding that a pulley is given by a place."""
-    if pulley.slip_angle is not None:
-        return pulley.slip_angle
-    if isinstance(pulley.x_trans, str):
-        return 0.0 if pulley.x_trans == RUN_OFF else arc.wrap
-    assert pulley.x_trans is not None, "a pulley that is driven by a place"
-    phi = math.asin(-arc.turn * (pulley.x_trans - arc.center[0]) / pulley.radius)
-    return min(max(arc.turn * (phi - arc.end), 0.0), arc.wrap)
-
-
-def _abs(values: Array) -> Array:
-    """Absolute values, as an analytic function."""
-    return np.where(values.real < 0.0, -values, values)

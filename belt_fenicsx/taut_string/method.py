@@ -2,28 +2,31 @@
 
 It knows no gravity: spans are straight, and what lies on a pulley has no weight. Where a belt with a contact offset
 slides, friction off its middle line would need a moment that a string has not: its forces are not in balance there.
+Such a belt also slides where bending shortens the touching fibre: it comes close to the string in the first order of
+e / R; one without an offset, in the first order of its bending stiffness.
 """
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.certificate import certify
 from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.reading import contacts_of, zones_of
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import StringDrive, capacities, string_drive
+from belt_fenicsx.taut_string.drive import BeyondCapacity, StringDrive, at_capacity, capacities, string_drive
 
 METHOD = "string"
 POINTS = 65  # Of each part, for its fields.
 TOLERANCE = 1e-7  # Of the certificate.
+SHORTEST = 1e-12  # A part that is no longer, in lengths of the belt, is none.
 
 
 def solve(scene: Scene, *, rtol: float = 1e-8, comm: Any = None, initial: Solution | None = None) -> Solution:
@@ -42,8 +45,12 @@ def solve(scene: Scene, *, rtol: float = 1e-8, comm: Any = None, initial: Soluti
     stages, solution = Stages(), Solution(scene=scene, method=METHOD, status=Status.SOLVED)
     try:
         string = string_drive(dimensionless)
+    except BeyondCapacity as beyond:
+        return replace(solution, status=beyond.status, message=_said(dimensionless, units, beyond))
     except Stopped as stopped:
         return replace(solution, status=stopped.status, message=stopped.message)
+    # Where nothing slides behind a transition, there is nothing to show.
+    string = replace(string, parts=tuple(own for own in string.parts if own.length > SHORTEST))
     stages.ran("string", "without gravity" if any(scene.gravity) and scene.belt.line_density else "exact")
     fields = _fields(dimensionless, string)
     zones = zones_of(dimensionless, [own.part for own in string.parts], fields)
@@ -71,6 +78,18 @@ def solve(scene: Scene, *, rtol: float = 1e-8, comm: Any = None, initial: Soluti
     admissible = all(check.holds for check in checks)
     status = Status.SOLVED if admissible else Status.NOT_ADMISSIBLE
     return replace(solution, scene=scene, checks=checks, status=status)
+
+
+def _said(scene: Scene, units: Units, beyond: BeyondCapacity) -> str:
+    """What the drive transmits at the limit that it is beyond, in words."""
+    try:
+        limit, load = at_capacity(scene, beyond.pulley, beyond.sense)
+        torques, unit = string_drive(limit).torques, units.of(length=1, force=1)
+    except Stopped:
+        return beyond.message
+    own = "" if load == beyond.pulley else f", and {torques[beyond.pulley] * unit:.6g} N m to pulley {beyond.pulley}"
+    transmits = f"the string transmits {torques[load] * unit:.6g} N m to pulley {load}{own}"
+    return f"Sliding all along pulley {beyond.pulley}, {transmits}."
 
 
 def _fields(scene: Scene, string: StringDrive) -> Fields:
