@@ -109,7 +109,7 @@ class Condensed:
         """Solves for the step that takes the linearised residual to zero.
 
         Args:
-            held: Whether the borders stay where they are, whatever their conditions say.
+            held: Whether the borders stay where they are, whatever their conditions say; not in a loop.
 
         Returns:
             The step of each cell's dofs ``(n, m)``, and of the scalars.
@@ -130,7 +130,7 @@ class Condensed:
         matrix = entries[:-1].reshape(size, size + 1)
         if self.table.loose is not None:
             matrix[self._loose] = 0.0
-            matrix[self._loose, self._loose if held else self._begin] = 1.0
+            matrix[self._loose, self._begin] = 1.0
         # The right-hand side's factor stands behind all unknowns.
         unknowns = np.zeros(self.table.count + 1)
         unknowns[-1] = 1.0

@@ -7,6 +7,9 @@ Its own ladder to a coarse state of the lowest degree, each step for scenes in w
 3. By way of a belt that bends more easily and so is more like a string.
 4. From pure stick, with the transition where the scene wants it.
 
+With several pulleys or loads, it starts from the exact string of the drive, at a higher degree, and then by way of
+belts that bend more easily. What the string has of sliding in the wrong sense is turned round.
+
 Then the degree rises by two. Where states of both degrees have the same rows, their difference tells the error.
 """
 
