@@ -49,7 +49,7 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
+    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", True, "bvp"),
     "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
     "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc", general=True),
     "string": Method("taut_string.method", False, (), "which is exact", general=True),
@@ -75,8 +75,8 @@ def solve(
         method: ``"fitted"``, finite elements in zones bounded by nodes that move; ``"augmented-lagrangian"``, the
             source's finite elements on a fixed mesh (18.2); ``"bvp"``, the differential equations (18.3) by
             collocation, which uses neither FEniCS nor PETSc; or ``"string"``, the exact string, the limit of a belt
-            that neither bends nor shears. By default, the first of them that solves scenes of this kind: the first two
-            know one pulley below a belt without loads, between clamps.
+            that neither bends nor shears. By default, the first one; the second knows one pulley below a belt without
+            loads, between clamps.
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.

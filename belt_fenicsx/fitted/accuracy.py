@@ -18,7 +18,7 @@ import numpy as np
 
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.elements import gauss_weights
-from belt_fenicsx.fitted.reading import pulley_speed
+from belt_fenicsx.fitted.reading import sliding, surface_stretches
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN, shear_layer
@@ -154,15 +154,17 @@ def error_of_known(
         change_before: That by the degree before; zero where there is none.
     """
     left = part_left(change, change_before)
-    # Relative to a stretch of the belt: a pulley that stands still has no speed.
-    by_known = left * abs(_known(scene, state) - _known(scene, before)) / state.D_stick
+    change_of_known = np.abs(_known(scene, state) - _known(scene, before))
+    # Relative to stretches of the belt: a pulley that stands still has no speed.
+    change_of_known[: state.stretches.size] /= state.stretches
+    by_known = left * float(change_of_known.max())
     return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
 
 
 def error_of_torque(scene: Scene, before: State, state: State, change: float, change_before: float) -> float:
     """Estimated error of the torque beyond rounding, relative to the radius times the tension before the pulley."""
-    missed = part_left(change, change_before) * abs(state.friction_force - before.friction_force)
-    return max(missed - rounding(scene, state), 0.0) / max(state.D_stick - 1.0, LEAST_STRAIN)
+    missed = part_left(change, change_before) * np.abs(state.friction_forces - before.friction_forces).max()
+    return max(float(missed) - rounding(scene, state), 0.0) / _strain(state)
 
 
 def part_left(change: float, change_before: float) -> float:
@@ -170,9 +172,19 @@ def part_left(change: float, change_before: float) -> float:
     return min(LEFT, GAIN * change / change_before) if change_before else LEFT
 
 
-def _known(scene: Scene, state: State) -> float:
-    """What the estimate is of: the angular velocity; where that is given, the stretch behind the pulley of a string."""
-    return pulley_speed(scene, state) - (state.friction_force if scene.pulleys[0].drive.kind == "omega" else 0.0)
+def _known(scene: Scene, state: State) -> Array:
+    """What the estimate is of: the angular velocities; where one is given, the stretch behind the pulley of a string.
+
+    They are those of a unit transport rate. That rate and the displacements of pulleys come on top.
+    """
+    given = np.array([pulley.drive.kind == "omega" for pulley in scene.pulleys])
+    speeds = surface_stretches(scene, state) - given * state.friction_forces
+    return speeds if scene.is_published else np.concatenate([speeds, [math.log(state.rate)], state.moves])
+
+
+def _strain(state: State) -> float:
+    """Strain of the belt in stick, of the pulley where it is smallest."""
+    return max(float(state.stretches.min()) - 1.0, LEAST_STRAIN)
 
 
 def rounding(scene: Scene, state: State) -> float:
@@ -201,8 +213,8 @@ def errors_of_fields(
     left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": part_of_tractions, "f": part_of_tractions}
     old, new = _table(scene, before), _table(scene, state)
     changes, sizes = _largest(scene, new - old), _largest(scene, new)
-    sizes["f"] = max(sizes["f"], scene.pulleys[0].friction * sizes["p"])
-    slender = scene.pulleys[0].radius / shear_layer(scene, state.D_stick - 1.0)
+    sizes["f"] = max(sizes["f"], max(pulley.friction for pulley in scene.pulleys) * sizes["p"])
+    slender = max(pulley.radius for pulley in scene.pulleys) / shear_layer(scene, float(state.stretches.max()) - 1.0)
     least = dict.fromkeys(STRETCHES, STRETCH) | {name: TRACTION * slender * sizes[name] for name in "pf"}
     errors = {}
     for name, change_of_field in changes.items():
@@ -214,7 +226,8 @@ def errors_of_fields(
 
 def _table(scene: Scene, state: State) -> Array:
     """Components of fields densely in all cells, those of which others are multiples ``(10, n, POINTS)``."""
-    dense, v_rel = state.dense, state.dense.D - pulley_speed(scene, state)
+    dense = state.dense
+    v_rel = sliding(scene, state, np.arange(len(dense.D))[:, None], dense.D)
     r, strain = dense.r, dense.strain
     return np.array(
         [r.real, r.imag, dense.theta, dense.D, strain.real, strain.imag, dense.kappa, dense.p, dense.f, v_rel]

@@ -64,6 +64,32 @@ class Mesh:
         return np.array([part.sense for part in self.layout.parts])[self.zone]
 
     @functools.cached_property
+    def pulley(self) -> Array:
+        """The pulley to which each cell belongs ``(n,)``: the nearer one, of a free zone between two of them."""
+        parts, result = self.layout.parts, []
+        on = [part.pulley if part.touches else None for part in parts]
+        for i, count in enumerate(self.counts):
+            before, after = (
+                on[j % len(on)] if self.layout.closed or 0 <= j < len(on) else None for j in (i - 1, i + 1)
+            )
+            if on[i] is not None:
+                before = after = on[i]
+            half = 0 if before is None else count if after is None else count // 2
+            result += [before] * half + [after] * (count - half)
+        return np.array(result)
+
+    @functools.cached_property
+    def firsts(self) -> Array:
+        """A cell of each pulley ``(pulleys,)``."""
+        return np.unique(self.pulley, return_index=True)[1]
+
+    @functools.cached_property
+    def sliding(self) -> tuple[int, ...]:
+        """Pulleys along all of which the belt slides."""
+        layout = self.layout
+        return tuple(i for i in layout.pulleys if layout.transition(i) not in layout.on(i))
+
+    @functools.cached_property
     def begins(self) -> Array:
         """Whether each cell is the first one of its zone ``(n,)``."""
         return np.append(True, self.zone[1:] != self.zone[:-1])

@@ -16,11 +16,40 @@ import numpy as np
 
 from belt_fenicsx.fitted.cells import Mesh
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.scene.scene import Scene
 
 # Degree from which positions, angles and tractions of a cell in stick are eliminated one after another: about where it
 # begins to pay, and where the friction of a thin steel band needs it to be as accurate as its estimate says.
 APART = 8
 NODE = 3  # unknowns at a node: x, y and theta
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What there is to compute in the scenes of one kind, and in which forms.
+
+    Attributes:
+        friction: Whether the friction traction is an unknown.
+        loads: Whether there is more than in the source's scenes: inertia and gravity, speeds that share an unknown
+            transport rate, drag, slip angles, pulleys that move.
+        offset: Whether another fibre than the middle line touches.
+    """
+
+    friction: bool = True
+    loads: bool = False
+    offset: bool = False
+
+
+def terms_of(scene: Scene) -> Terms:
+    """The terms that a scene needs."""
+    friction = any(pulley.friction > 0.0 for pulley in scene.pulleys)
+    if scene.is_published:
+        return Terms(friction)
+    speeds = sum(pulley.drive.kind == "omega" for pulley in scene.pulleys)
+    loads = scene.has_inertia or (scene.transport_rate is None and speeds > 1)
+    special = any(p.take_up or p.drag or p.drive.kind == "slip_angle" for p in scene.pulleys)
+    return Terms(friction, loads or special, scene.belt.contact_offset > 0.0)
 
 
 @dataclass(frozen=True)
@@ -34,6 +63,8 @@ class Local:
         f: ``(k,)``.
         sigma: ``(2,)``.
         D: ``(1,)``.
+        rate: ``(1,)``, with loads.
+        move: ``(1,)``, with loads.
     """
 
     r: slice
@@ -42,6 +73,8 @@ class Local:
     f: slice
     sigma: slice
     D: slice
+    rate: slice
+    move: slice
 
     @functools.cached_property
     def nodal(self) -> Array:
@@ -54,23 +87,22 @@ class Local:
         number = np.arange(self.f.stop)
         return np.array([number[self.p], number[self.f]][: 1 + friction])
 
-    @property
-    def scalars(self) -> Array:
-        """The borders of the zone, and the stretch in stick ``(3,)``."""
-        return np.arange(self.sigma.start, self.D.stop)
+    def scalars(self, loads: bool) -> Array:
+        """The borders of the zone and the stretch in stick; transport rate and take-up of the pulley ``(3 or 5,)``."""
+        return np.arange(self.sigma.start, self.move.stop if loads else self.D.stop)
 
 
 @functools.cache
 def local(degree: int) -> Local:
     """A cell's dofs."""
     k = degree
-    ends = itertools.accumulate([2 * (k + 1), k + 1, k, k, 2, 1], initial=0)
+    ends = itertools.accumulate([2 * (k + 1), k + 1, k, k, 2, 1, 1, 1], initial=0)
     return Local(*(slice(start, end) for start, end in itertools.pairwise(ends)))
 
 
-def width(degree: int) -> int:
+def width(degree: int, loads: bool) -> int:
     """Number of a cell's dofs."""
-    return 5 * degree + 6
+    return 5 * degree + (8 if loads else 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +136,16 @@ class Table:
     An equation has its unknown's number.
 
     Attributes:
-        numbers: Number of each cell's dofs ``(n, 5 k + 6)``.
+        numbers: Number of each cell's dofs ``(n, dofs)``.
         fixed: The number that stands for dofs that are fixed; all that couple cells are less.
         count: Number of unknowns, with this one.
         chain: What couples each cell with the next ones: its left node, its shared tractions, its right node
             ``(n, 3 + 1 or 2 + 3)``.
-        scalars: What couples all cells: the inner borders of zones, and the stretch in stick.
+        chains: The cells of each pulley, in the direction of travel.
+        scalars: What couples all cells of a pulley: borders of zones, stretches in stick, transport rate, take-ups.
+        borders: The borders among them; in a loop, the last one is where it begins.
+        loose: In a loop, the scalar for which there is no equation: instead, the loop begins where it does.
+        sigma: The dofs of a cell that stand for the borders of its zone.
         patterns: Groups of cells, and how their dofs are eliminated; each cell is in one of them.
     """
 
@@ -117,57 +153,98 @@ class Table:
     fixed: int
     count: int
     chain: Array
+    chains: tuple[Array, ...]
     scalars: Array
+    borders: Array
+    loose: int | None
+    sigma: slice
     patterns: tuple[tuple[Array, Pattern], ...]
 
+    def scalars_of(self, cells: Array) -> Array:
+        """The scalars that some cells have a part in."""
+        numbers = np.unique(self.numbers[cells])
+        return numbers[(numbers >= self.scalars[0]) & (numbers < self.fixed)]
 
-def table(mesh: Mesh, degree: int, friction: bool) -> Table:
+
+def loose_joint(layout: Layout, loads: bool) -> int | None:
+    """The joint of a loop for which there is no equation; None where each has its own.
+
+    Where nothing depends on the transport rate, it follows from the one speed that is given, which places no joint.
+    """
+    without = "speed" if layout.rate else "loop"
+    if not layout.closed or (layout.rate and loads):
+        return None
+    return next((i for i, joint in enumerate(layout.joints) if joint.equation == without), None)
+
+
+def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -> Table:
     """The table of a mesh with elements of one degree.
 
     Args:
         mesh: Zones and cells.
         degree: Degree k.
-        friction: Whether the friction traction is an unknown.
+        terms: What there is to compute.
+        moving: Indices of pulleys that move.
     """
-    at, n = local(degree), mesh.zone.size
+    at, n, layout = local(degree), mesh.zone.size, mesh.layout
     left, right = at.nodal[:2]
-    middle, contact = at.tractions(friction)[:, degree // 2], np.flatnonzero(mesh.touches)
-    ends = itertools.accumulate([NODE * (n - 1), middle.size * contact.size, mesh.ends.size, 1], initial=0)
-    nodes, tractions, borders, (stretch,) = (np.arange(*pair) for pair in itertools.pairwise(ends))
-    fixed = int(stretch) + 1
-    numbers = np.full((n, width(degree)), fixed)
-    numbers[1:, left] = numbers[:-1, right] = nodes.reshape(-1, NODE)
+    middle, contact = at.tractions(terms.friction)[:, degree // 2], np.flatnonzero(mesh.touches)
+    rated = layout.rate and terms.loads
+    counts = [
+        NODE * (n - 1 + layout.closed), middle.size * contact.size, len(layout.joints), len(layout.speeds), rated,
+        len(moving),
+    ]  # fmt: skip
+    ends = itertools.accumulate(counts, initial=0)
+    nodes, tractions, borders, stretches, rate, moves = (np.arange(*pair) for pair in itertools.pairwise(ends))
+    fixed = sum(counts)
+    numbers = np.full((n, width(degree, terms.loads)), fixed)
+    numbers[1:, left] = numbers[:-1, right] = nodes[: NODE * (n - 1)].reshape(-1, NODE)
     numbers[np.ix_(contact, middle)] = tractions.reshape(-1, middle.size)
-    numbers[:, at.sigma] = np.concatenate([[fixed], borders, [fixed]])[mesh.zone[:, None] + [0, 1]]
-    numbers[:, at.D] = stretch
-    count, patterns = fixed + 1, _patterns(mesh, degree, friction)
+    around = [borders[-1], *borders] if layout.closed else [fixed, *borders, fixed]
+    numbers[:, at.sigma] = np.array(around)[mesh.zone[:, None] + [0, 1]]
+    numbers[:, at.D] = stretches[mesh.pulley][:, None]
+    if layout.closed:
+        numbers[0, left] = numbers[-1, right] = nodes[-NODE:]
+    if rated:
+        numbers[:, at.rate] = rate
+    for index, move in zip(moving, moves, strict=True):
+        numbers[mesh.pulley == index, at.move] = move
+    count, patterns = fixed + 1, _patterns(mesh, degree, terms)
     for cells, pattern in patterns:
         shape = cells.size, pattern.unknowns.size
         numbers[np.ix_(cells, pattern.unknowns)] = count + np.arange(shape[0] * shape[1]).reshape(shape)
         count += shape[0] * shape[1]
     chain = numbers[:, np.concatenate([left, middle, right])]
-    return Table(numbers, fixed, count, chain, np.append(borders, stretch), patterns)
+    # The first pulley of a loop begins in the last zone.
+    order = np.roll(np.arange(n), np.count_nonzero(mesh.pulley[mesh.zone == mesh.zone[-1]] == 0) * layout.closed)
+    chains = tuple(order[mesh.pulley[order] == pulley] for pulley in layout.pulleys)
+    loose = loose_joint(layout, terms.loads)
+    without = rate[0] if rated else None if loose is None else borders[loose]
+    return Table(
+        numbers, fixed, count, chain, chains, np.arange(borders[0], fixed), borders, without, at.sigma, patterns
+    )
 
 
-def _patterns(mesh: Mesh, degree: int, friction: bool) -> tuple[tuple[Array, Pattern], ...]:
+def _patterns(mesh: Mesh, degree: int, terms: Terms) -> tuple[tuple[Array, Pattern], ...]:
     """The pattern of free cells, of those in contact, and of those in stick where blocks are worth it."""
-    blockwise = mesh.sticks & (friction and degree >= APART)
+    # With an offset, the conditions on a pulley tell angles, too.
+    blockwise = mesh.sticks & (terms.friction and not terms.offset and degree >= APART)
     groups = (np.flatnonzero(cells) for cells in (~mesh.touches, mesh.touches & ~blockwise, blockwise))
-    paired = zip(groups, _kinds(degree, friction), strict=True)
+    paired = zip(groups, _kinds(degree, terms), strict=True)
     return tuple((cells, pattern) for cells, pattern in paired if cells.size)
 
 
 @functools.cache
-def _kinds(degree: int, friction: bool) -> tuple[Pattern, Pattern, Pattern]:
+def _kinds(degree: int, terms: Terms) -> tuple[Pattern, Pattern, Pattern]:
     """How a free cell is eliminated, one in contact, and one in stick in blocks."""
-    at, tractions = local(degree), local(degree).tractions(friction)
+    at, tractions = local(degree), local(degree).tractions(terms.friction)
     (left, right), inner = at.nodal[:2], at.nodal[2:]
     r, theta = inner[:, :2].ravel(), inner[:, 2]
     middle, others = tractions[:, degree // 2], np.delete(tractions, degree // 2, axis=1).ravel()
     free, in_contact = np.concatenate([r, theta]), np.concatenate([r, theta, others])
-    shared = np.concatenate([left, right, middle, at.scalars])
+    shared = np.concatenate([left, right, middle, at.scalars(terms.loads)])
     return (
-        Pattern(((free, free),), np.concatenate([left, right, at.scalars])),
+        Pattern(((free, free),), np.concatenate([left, right, at.scalars(terms.loads)])),
         Pattern(((in_contact, in_contact),), shared),
         # In stick, the pulley's conditions tell positions, these tell angles, and both tell the tractions.
         Pattern(((others, r), (theta, theta), (r, others)), shared),

@@ -1,10 +1,11 @@
 """Linear algebra of the fitted method: a Newton step from the Jacobians of single cells.
 
 What a cell hides from its neighbours is eliminated first, all cells of a kind at once, by dense factorisations with
-pivoting. What is left couples the nodes and the few scalars, the borders and the stretch in stick. On many cells, the
-node between two of them is eliminated next, all pairs at once, then that between two pairs, and so on: the cost grows
-with the number of cells, not with its power. The tractions that the first of a pair leaves go with the node between.
-The rest is solved densely.
+pivoting. What is left couples the nodes and the few scalars of each pulley, borders and the stretch in stick. On many
+cells, the node between two of them is eliminated next, all pairs at once, then that between two pairs, and so on: the
+cost grows with the number of cells, not with its power. The tractions that the first of a pair leaves go with the node
+between. Of several pulleys, each then hides all but its two ends, which is a belt over one pulley between clamps. The
+rest is solved densely.
 """
 
 from __future__ import annotations
@@ -95,7 +96,8 @@ class Condensed:
         self._all = np.empty((n, dofs * (dofs + 1)))
         self.cells = self._all[:, : dofs * dofs].reshape(n, dofs, dofs), self._all[:, dofs * dofs :]
         self._levels, self._dense = levels(table)
-        self._borders = np.searchsorted(self._dense, table.scalars[:-1])
+        if table.loose is not None:
+            self._loose, self._begin = np.searchsorted(self._dense, [table.loose, table.borders[-1]])
 
     def residual_norm(self) -> float:
         """Norm of the assembled residual."""
@@ -107,11 +109,13 @@ class Condensed:
         """Solves for the step that takes the linearised residual to zero.
 
         Args:
-            held: Whether the borders stay where they are, whatever their conditions say.
+            held: Whether the borders stay where they are, whatever their conditions say; not in a loop.
 
         Returns:
             The step of each cell's dofs ``(n, m)``, and of the scalars.
         """
+        if held:
+            self._hold()
         entries, eliminated = self._all, []
         for level in self._levels:
             left = []
@@ -124,8 +128,9 @@ class Condensed:
             entries[level.ones] = 1.0
         size = self._dense.size
         matrix = entries[:-1].reshape(size, size + 1)
-        if held:
-            matrix[self._borders] = np.eye(size, size + 1)[self._borders]
+        if self.table.loose is not None:
+            matrix[self._loose] = 0.0
+            matrix[self._loose, self._begin] = 1.0
         # The right-hand side's factor stands behind all unknowns.
         unknowns = np.zeros(self.table.count + 1)
         unknowns[-1] = 1.0
@@ -134,33 +139,91 @@ class Condensed:
             unknowns[group.hidden] = -(solved @ unknowns[group.known])[..., 0]
         return unknowns[self.table.numbers], unknowns[self.table.scalars]
 
+    def _hold(self) -> None:
+        """Puts in place of the borders' equations that they stay."""
+        jacobians, residuals = self.cells
+        sigma = self.table.sigma
+        jacobians[:, sigma], residuals[:, sigma] = 0.0, 0.0
+        for border in range(sigma.start, sigma.stop):
+            jacobians[:, border, border] = 1.0
+
 
 def levels(table: Table) -> tuple[list[Level], Array]:
     """What is eliminated one after another, and the unknowns that are left for the dense solve.
 
-    Cells come first, then the nodes inside of pairs, of pairs of pairs, and so on, until the chain is short.
+    Cells come first, then the nodes inside of pairs, of pairs of pairs, and so on, until the chain of each pulley is
+    short; then what is inside of these chains, if there are several.
     """
     result: list[Level] = []
     groups = [_cell_group(cells, pattern, table.numbers) for cells, pattern in table.patterns]
-    members = [cells for cells, _ in table.patterns]
-    chain = np.column_stack([table.chain, np.tile(table.scalars, (len(table.chain), 1))])
-    while len(chain) > LONGEST:
-        if len(chain) % 2:
-            chain = np.vstack([chain, np.append(np.full(table.chain.shape[1], table.fixed), table.scalars)])
-        pairs = _paired(chain, table.chain.shape[1])
-        parents = [cells // 2 for cells in members]
-        hidden, blocks = pairs.shape[1] - chain.shape[1], _entries(pairs)
-        missing = np.nonzero(pairs[:, :hidden] == table.fixed)
-        ones = blocks[*missing, missing[1]]
-        result.append(Level(groups, _places(groups, parents, pairs, table.fixed), blocks.size, ones))
-        chain, members = pairs[:, hidden:], [np.arange(len(pairs))]
-        groups = [Group(blocks, pairs[:, :hidden], chain, (hidden,))]
-    numbers = np.unique(chain)
-    dense = numbers[numbers < table.fixed]
+    width, fixed = table.chain.shape[1], table.fixed
+    chains = _chains(table)
+    # Pulley of each cell, and its place in the chain.
+    pulley, place = np.empty((2, len(table.numbers)), dtype=int)
+    for index, cells in enumerate(table.chains):
+        pulley[cells], place[cells] = index, np.arange(chains.shape[1] - cells.size, chains.shape[1])
+    members = [(pulley[cells], place[cells]) for cells, _ in table.patterns]
+    while chains.shape[1] > LONGEST:
+        if chains.shape[1] % 2:
+            chains = np.concatenate([chains[:, :1], chains], axis=1)
+            chains[:, 0, NODE:width] = fixed
+            members = [(on, at + 1) for on, at in members]
+        half, left = chains.shape[1] // 2, chains.shape[2]
+        pairs = _paired(chains.reshape(-1, left), width)
+        result.append(_level(groups, [on * half + at // 2 for on, at in members], pairs, left, fixed))
+        groups, members = [_group(pairs, left)], [np.divmod(np.arange(len(pairs)), half)]
+        chains = pairs[:, -left:].reshape(-1, half, left)
+    if len(chains) > 1:
+        numbers, left = _divided(chains.reshape(len(chains), -1), table)
+        result.append(_level(groups, [on for on, _ in members], numbers, left, fixed))
+        groups, chains = [_group(numbers, left)], numbers[:, -left:]
+    numbers = np.unique(chains)
+    dense = numbers[numbers < fixed]
     parents = [np.zeros(len(group.left), dtype=int) for group in groups]
-    size, none = _entries(dense[None]).size, np.empty(0, dtype=int)
-    result.append(Level(groups, _places(groups, parents, dense[None], table.fixed), size, none))
+    result.append(_level(groups, parents, dense[None], dense.size, fixed))
     return result, dense
+
+
+def _chains(table: Table) -> Array:
+    """What couples each pulley's cells: left node, tractions, right node, the pulley's scalars ``(pulleys, m, w)``.
+
+    Where there are fewer cells than on another pulley, cells without tractions and right nodes come first.
+    """
+    scalars = [table.scalars_of(cells) for cells in table.chains]
+    width, longest = table.chain.shape[1], max(cells.size for cells in table.chains)
+    most = max(numbers.size for numbers in scalars)
+    result = np.full((len(scalars), longest, width + most), table.fixed)
+    for chain, cells, numbers in zip(result, table.chains, scalars, strict=True):
+        chain[:, :NODE] = table.chain[cells[0], :NODE]
+        chain[-cells.size :, :width] = table.chain[cells]
+        chain[:, width : width + numbers.size] = numbers
+    return result
+
+
+def _divided(chains: Array, table: Table) -> tuple[Array, int]:
+    """What is eliminated from the chain of each pulley, then what is left ``(pulleys, w)``, and how much that is."""
+    each = [np.unique(chain[chain < table.fixed]) for chain in chains]
+    numbers, times = np.unique(np.concatenate(each), return_counts=True)
+    shared = numbers[(times > 1) | (numbers == table.loose)]
+    inside, outside = ([own[np.isin(own, shared, invert=invert)] for own in each] for invert in (True, False))
+    hidden, left = (max(own.size for own in some) for some in (inside, outside))
+    result = np.full((len(each), hidden + left), table.fixed)
+    for row, own, others in zip(result, inside, outside, strict=True):
+        row[: own.size], row[hidden : hidden + others.size] = own, others
+    return result, left
+
+
+def _level(groups: list[Group], parents: list[Array], numbers: Array, left: int, fixed: int) -> Level:
+    """The groups, whose members go into ``parents`` with these numbers of unknowns; as many of them are left there."""
+    blocks, hidden = _entries(numbers), numbers.shape[1] - left
+    missing = np.nonzero(numbers[:, :hidden] == fixed)
+    return Level(groups, _places(groups, parents, numbers, fixed), blocks.size, blocks[*missing, missing[1]])
+
+
+def _group(numbers: Array, left: int) -> Group:
+    """What has these unknowns, of which so many are left, as a group on the next level."""
+    hidden = numbers.shape[1] - left
+    return Group(_entries(numbers), numbers[:, :hidden], numbers[:, hidden:], (hidden,))
 
 
 def _cell_group(cells: Array, pattern: Pattern, numbers: Array) -> Group:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from belt_fenicsx.fitted.cells import meshed
-from belt_fenicsx.fitted.dofs import width
+from belt_fenicsx.fitted.dofs import terms_of, width
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.posed import ordered
@@ -40,7 +40,7 @@ class Evaluator:
         cells: As in a state ``(n, 2)``.
         ends: As in a state ``(z + 1,)``.
         chords: As in a state ``(n, 4)``.
-        values: As in a state ``(n, 5 k + 6)``.
+        values: As in a state ``(n, dofs)``.
     """
 
     scene: Scene
@@ -69,7 +69,7 @@ class Evaluator:
         """
         if set(arrays) != set(ARRAYS):
             raise SceneError("evaluator", f"have {', '.join(ARRAYS)}", Verbatim(", ".join(sorted(arrays))))
-        cells, dofs = len(arrays["cells"]), width(int(arrays["degree"]))
+        cells, dofs = len(arrays["cells"]), width(int(arrays["degree"]), terms_of(scene).loads)
         shapes = (), (len(zones),), (cells, 2), (len(zones) + 1,), (cells, 4), (cells, dofs)
         for (name, kind), shape in zip(ARRAYS.items(), shapes, strict=True):
             if arrays[name].shape != shape or arrays[name].dtype.kind != kind:
@@ -106,6 +106,7 @@ class Evaluator:
         from belt_fenicsx.fitted.state import State
 
         plain, units = self.scene.dimensionless()
-        layout = ordered(plain, [Part(zone.kind, zone.slip) for zone in self.zones[1:-1]])
+        touching = [Part(zone.kind, zone.slip, zone.pulley) for zone in self.zones if zone.pulley is not None]
+        layout = ordered(plain, touching)
         mesh = meshed(layout, tuple(self.counts.tolist()))
         return State(plain, mesh, self.cells, int(self.degree), self.ends, self.chords, self.values), units

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from belt_fenicsx.fitted.state import State, from_fields, from_string
+from belt_fenicsx.fitted.state import Driven, State, from_fields, from_string
 from belt_fenicsx.layout.layers import bending_layer
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import posed
@@ -62,4 +62,10 @@ def solution_guess(scene: Scene, initial: Solution, layout: Layout, degree: int,
     assert initial.fields is not None, "a solution with zones has fields"
     units = initial.scene.dimensionless()[1].inverse()
     ends = np.array([zone.sigma[0] for zone in initial.zones] + [initial.zones[-1].sigma[1]]) * units.length
-    return from_fields(scene, initial.fields.in_units(units), layout, ends, degree, elements)
+    speeds = [contact.omega * initial.scene.pulleys[contact.pulley].radius for contact in initial.contacts]
+    driven = Driven(
+        elongations=np.array(speeds) / initial.transport_rate - 1.0,
+        rate=initial.transport_rate * units.rate,
+        moves=np.array([contact.take_up for contact in initial.contacts]) * units.length,
+    )
+    return from_fields(scene, initial.fields.in_units(units), layout, ends, degree, elements, driven)

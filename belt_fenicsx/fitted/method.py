@@ -63,7 +63,8 @@ def solve(
 
     Returns:
         The solution, or what there is of it, as its status says; its error estimate is that of the angular velocity.
-        Where that is given, it is that of the torque, as the stretch that it makes in a string.
+        Where that is given, it is that of the torque, as the stretch that it makes in a string. Of several pulleys, it
+        is the largest one, that of the transport rate and of take-ups, in belt lengths, among them.
 
     Raises:
         SceneError: The transition lies outside of the contact, or the degree cannot be meant.

@@ -16,11 +16,11 @@ from petsc4py import PETSc
 
 from belt_fenicsx.backend.petsc_options import PREFIX, set_options
 from belt_fenicsx.fitted.cells import Mesh
-from belt_fenicsx.fitted.dofs import local, table
+from belt_fenicsx.fitted.dofs import Terms, local, loose_joint, table
 from belt_fenicsx.fitted.elements import points
 from belt_fenicsx.fitted.elimination import Condensed
-from belt_fenicsx.fitted.forms import CHORD, CONSTANTS, PULLEY, SWITCHES, forms
-from belt_fenicsx.fitted.state import State, on_chords, sum_error
+from belt_fenicsx.fitted.forms import CHORD, constants_of, forms, pulley_data, switches_of
+from belt_fenicsx.fitted.state import State, on_chords, sum_error, ways
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE
 from belt_fenicsx.scene.pulley import Pulley
@@ -37,7 +37,7 @@ STRAIGHT = 0.02
 # SNES ends after this number of iterations.
 MOST_ITERATIONS = 30
 # The iteration on at most this number of cells is kept for the next scene.
-KEPT = 200
+KEPT = 300
 # The angle of a cell's frame is a whole number of radians over this.
 FRAMES = 2.0**20
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
@@ -54,25 +54,25 @@ class Iteration:
     cell by cell took 0.3 to 1 ms.
 
     Attributes:
-        values: Unknowns of each cell ``(n, 5 k + 6)``, as in a state, but for theta, of which they are what it is more
-            than the angle of the cell's frame.
+        values: Unknowns of each cell ``(n, dofs)``, as in a state, but for theta, of which they are what it is more
+            than the angle of the cell's frame, and for displacements, of which they are what is not yet in the chords.
         chords: Data of each cell's chord ``(n, len(CHORD))``.
-        pulleys: Data of the pulley at each cell ``(n, len(PULLEY))``.
+        pulleys: Data of the pulley at each cell ``(n, len(pulley_data))``.
         ends: Ends of the zones ``(z + 1,)``.
         condensed: Solves for the step.
         residuals: Computes the residual of each cell.
         jacobians: Computes the Jacobian of each cell.
     """
 
-    def __init__(self, mesh: Mesh, degree: int, friction: bool) -> None:
-        self.condensed = Condensed(table(mesh, degree, friction))
+    def __init__(self, mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...]) -> None:
+        self.condensed = Condensed(table(mesh, degree, terms, moving))
         jacobians, residuals = self.condensed.cells
-        (n, dofs), on = residuals.shape, switches(mesh).reshape(mesh.zone.size, -1)
-        sizes = dofs, on.shape[1], len(CHORD), len(PULLEY)
-        coefficients, self._constants = np.empty((n, sum(sizes))), np.zeros(len(CONSTANTS))
+        (n, dofs), on = residuals.shape, switches(mesh, terms).reshape(mesh.zone.size, -1)
+        sizes = dofs, on.shape[1], len(CHORD), len(pulley_data(terms))
+        coefficients, self._constants = np.empty((n, sum(sizes))), np.zeros(len(constants_of(terms)))
         self.values, switched, self.chords, self.pulleys = np.split(coefficients, np.cumsum(sizes[:-1]), axis=1)
         switched[:] = on
-        compiled = forms(degree, friction)
+        compiled = forms(degree, terms)
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
         at = local(degree)
@@ -83,9 +83,10 @@ class Iteration:
         )
         self._places = np.empty((n, 3), dtype=np.clongdouble)
         self._positions, self._others, self._turn, self._sigma = at.r, slice(at.theta.start, None), at.theta, at.sigma
+        self._loads, self._move = terms.loads, at.move
         self._length, self._nodes, self._zone = at.sigma.stop - 1, points(degree)[0], mesh.zone
         self._shape = self._nodes * (1.0 - self._nodes)
-        self._touches, self._contact = mesh.touches.astype(float), slice(mesh.ends[0], mesh.ends[-1])
+        self._touches, self._mesh = mesh.touches.astype(float), mesh
 
     def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
         """Sets the parameters of a scene, the state to start from, and when to end.
@@ -98,16 +99,20 @@ class Iteration:
             held: Whether the first step holds the borders, so that all others know the forces that move them.
             monitored: Whether the norm of the residual is asked for.
         """
-        belt, pulley = scene.belt, scene.pulleys[0]
-        self._constants[:] = belt.bending_stiffness, belt.extensional_stiffness, belt.shear_stiffness
-        # A belt that goes over its pulley has it on its right.
-        self.pulleys[:] = pulley.radius, pulley.friction, 1.0, given(pulley)
-        self._radius, _, self._side, _ = self.pulleys.T
+        self._constants[:] = constants(scene, state.terms)
+        self.pulleys[:] = np.array([driven(pulley, state.terms) for pulley in scene.pulleys])[self._mesh.pulley]
+        self._side = self.pulleys[:, 2]
+        # On this radius runs the middle line.
+        self._radius = self.pulleys[:, 0] + scene.belt.contact_offset
         self._square = self._radius[:, None].astype(np.longdouble) ** 2
         self._arrived, self._held = arrived, held
         self._monitored = monitored or logger.isEnabledFor(logging.INFO)
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._share = state.cells[:, 1] - state.cells[:, 0]
+        # The data of the forms have the way of each pulley, which is nothing where none moves.
+        self._ways = ways(scene)[self._mesh.pulley] if self._loads else 0.0
+        self._moves = self.values[:, self._move].copy()
+        self.values[:, self._move] = 0.0
         self._take_apart()
         self._measure()
 
@@ -126,7 +131,7 @@ class Iteration:
             snes.setIterationNumber(iteration + 1)
             if not math.isfinite(change):
                 return snes.setConvergedReason(reasons.DIVERGED_LINEAR_SOLVE)
-            step, shortening = self._move_borders(step, scalars[:-1])
+            step, shortening = self._move_borders(step, scalars[: self.condensed.table.borders.size])
             if self._monitored:
                 borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
                 numbers = iteration, residual, change, borders
@@ -143,6 +148,8 @@ class Iteration:
         """The state where it stands, which is of the kind of the one that it started from."""
         values = self.values.copy()
         values[:, self._turn] += self._frame
+        values[:-1, self._turn.start + 1] = values[1:, self._turn.start]
+        values[:, self._move] = self._moves
         values[:, self._positions].view(complex)[:] += self._parabolas
         return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
 
@@ -205,7 +212,8 @@ class Iteration:
             The step of the cells, shortened alike, and the largest part that the full step takes from a zone.
         """
         way = np.zeros(self.ends.size)
-        way[1:-1] = borders
+        # A loop begins where it does.
+        way[1:-1] = borders[: way.size - 2]
         shortening = float(((way[:-1] - way[1:]) / (self.ends[1:] - self.ends[:-1])).max())
         if shortening > LARGEST_STEP:
             step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
@@ -217,22 +225,27 @@ class Iteration:
     def _move_nodes(self, step: Array, *, bent: bool) -> None:
         """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
         way = step[:, self._positions].view(complex)
-        self._shift(self._onto_pulley(way) if bent else way)
+        move = step[:, self._move]
+        self._shift(self._onto_pulleys(way) if bent else way, move.sum(axis=1) * self._ways)
         self.values[:, self._others] += step[:, self._others]
+        # The chords are seen from where the pulleys are now.
+        self.values[:, self._move] = 0.0
+        self._moves += move
 
-    def _shift(self, shift: Array) -> None:
+    def _shift(self, shift: Array, centers: Array | float) -> None:
         """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
         change = shift[:, :2].copy()
         change[:, 1] -= shift[:, 0]
+        change[:, 0] -= centers
         chords = self._chords + change
         lost = sum_error(self._chords, change, chords)
-        deviation = shift - on_chords(change, self._nodes)
+        deviation = shift - shift[:, :1] - change[:, 1:] * self._nodes
         deviation[:, 0], deviation[:, 1] = 0.0, sum_error(shift[:, 1], -shift[:, 0], change[:, 1])
         self._deviation += deviation + on_chords(lost, self._nodes)
         self._chords[:] = chords
 
-    def _onto_pulley(self, straight: Array) -> Array:
-        """The way of nodes, bent to the pulley where they move on it; the free zones follow its ends.
+    def _onto_pulleys(self, straight: Array) -> Array:
+        """The way of nodes, bent to the pulley where they move on it; free zones follow the ends of the others.
 
         A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
         through a short zone, the pressure and the friction that would mend this are larger than those by which the next
@@ -241,31 +254,38 @@ class Iteration:
         Args:
             straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
         """
-        contact, way = self._contact, straight.copy()
-        on_parabolas = on_chords(self._chords[contact], self._nodes) + self._parabolas[contact]
-        arm = on_parabolas + self._deviation[contact]
+        mesh, touches = self._mesh, self._touches[:, None]
+        arm = on_chords(self._chords, self._nodes) + self._parabolas + self._deviation
         distance = np.abs(arm)
-        turn = np.exp(1j * (straight[contact] * arm.conj()).imag / distance**2)
-        way[contact] = arm * (turn * (self._radius[contact, None] / distance) - 1.0)
-        up, off = self._contact.start, self._contact.stop - 1
-        # A free zone follows its moving end as a sheared bar does: by the square of the distance from the clamp.
+        turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
+        bent = touches * (arm * (turn * (self._radius[:, None] / distance) - 1.0) - straight)
+        # A free zone follows its moving ends as a sheared bar does: by the square of the distance from the other one.
         place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
-        way[:up] += place[:up] ** 2 * (way[up, 0] - straight[up, 0])
-        way[off + 1 :] += (1.0 - place[off + 1 :]) ** 2 * (way[off, 1] - straight[off, 1])
+        for index, part in enumerate(mesh.layout.parts):
+            if not part.touches:
+                free = mesh.cells(index)
+                before, after = free.start - 1, free.stop % len(bent)
+                start = bent[before, 1] if mesh.layout.closed or free.start else 0.0
+                end = bent[after, 0] if mesh.layout.closed or after else 0.0
+                bent[free] = (1.0 - place[free]) ** 2 * start + place[free] ** 2 * end
+        way = straight + bent
         # Cells that meet at a node shift it alike, to the last bit.
         way[1:, 0] = way[:-1, 1]
+        if mesh.layout.closed:
+            way[0, 0] = way[-1, 1]
         return way
 
 
-def iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
+def iteration_on(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -> Iteration:
     """The iteration on one list of zones, cells and degree; made once in a process where the cells are not many."""
     # A cell takes some 60 kB. With many of them, making it anew takes less time than the solve.
-    return _iteration_on(mesh, degree, friction) if mesh.zone.size <= KEPT else Iteration(mesh, degree, friction)
+    make = _iteration_on if mesh.zone.size <= KEPT else Iteration
+    return make(mesh, degree, terms, moving)
 
 
-@functools.lru_cache(maxsize=64)
-def _iteration_on(mesh: Mesh, degree: int, friction: bool) -> Iteration:
-    return Iteration(mesh, degree, friction)
+@functools.lru_cache(maxsize=48)
+def _iteration_on(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...]) -> Iteration:
+    return Iteration(mesh, degree, terms, moving)
 
 
 class Newton:
@@ -290,7 +310,8 @@ class Newton:
             The new state, and the number of iterations; negative where they did not converge.
         """
         with TURNS:
-            iteration = iteration_on(start.mesh, start.degree, scene.pulleys[0].friction > 0.0)
+            moving = tuple(index for index, pulley in enumerate(scene.pulleys) if pulley.take_up)
+            iteration = iteration_on(start.mesh, start.degree, start.terms, moving)
             iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
             self.snes.setPythonContext(iteration)
             self.snes.solve(None, self._x)
@@ -309,31 +330,68 @@ def _newton(options: tuple[tuple[str, Any], ...]) -> Newton:
     return Newton(dict(options))
 
 
+def constants(scene: Scene, terms: Terms) -> list[float]:
+    """The constants of the forms."""
+    belt, (x, y) = scene.belt, scene.gravity
+    values = [belt.bending_stiffness, belt.extensional_stiffness, belt.shear_stiffness]
+    if terms.loads:
+        values += [belt.line_density, belt.rotary_inertia, belt.line_density * x, belt.line_density * y]
+    return [*values, belt.contact_offset] if terms.offset else values
+
+
+def driven(pulley: Pulley, terms: Terms) -> list[float]:
+    """What the forms know of a pulley."""
+    values = [pulley.radius, pulley.friction, pulley.turn, given(pulley)]
+    if not terms.loads:
+        return values
+    x, y = pulley.take_up or (0.0, 0.0)
+    length = math.hypot(x, y) or 1.0
+    return [*values, pulley.drag / pulley.radius**2, x / length, y / length, pulley.force or 0.0]
+
+
 def given(pulley: Pulley) -> float:
-    """What the drive gives, as the forms compare it: the transition, the elongation in stick or the friction force."""
-    if pulley.omega is not None:
-        return pulley.omega * pulley.radius - 1.0
-    if pulley.torque is not None:
-        return -pulley.torque / pulley.radius
-    # Where the belt sticks or slides all along, no border lies at a given place.
-    return pulley.x_trans - pulley.center[0] if isinstance(pulley.x_trans, float) else 0.0
+    """What the drive gives, as the forms compare it.
+
+    It is the transition, the elongation in stick at unit transport rate, the friction force or the slip angle.
+    """
+    match pulley.drive.kind:
+        case "omega":
+            return pulley.surface_speed - 1.0
+        case "torque":
+            return -pulley.drive.by("torque") / pulley.radius
+        case "slip_angle":
+            return pulley.drive.by("slip_angle")
+        case _:
+            # Where the belt sticks or slides all along, no border lies at a given place.
+            return pulley.x_trans - pulley.center[0] if isinstance(pulley.x_trans, float) else 0.0
 
 
-def switches(mesh: Mesh) -> Array:
-    """Which equations hold where ``(n, 2, len(SWITCHES))``."""
-    column = {name: index for index, name in enumerate(SWITCHES)}
-    on = np.zeros((mesh.zone.size, 2, len(SWITCHES)))
-    parts, joints = mesh.layout.parts, mesh.layout.joints
+def switches(mesh: Mesh, terms: Terms) -> Array:
+    """Which equations hold where ``(n, 2, len(switches_of(terms)))``."""
+    column = {name: index for index, name in enumerate(switches_of(terms))}
+    on, layout = np.zeros((mesh.zone.size, 2, len(column))), mesh.layout
+    parts, loose = layout.parts, loose_joint(layout, terms.loads)
     on[:, :, column["touch"]] = mesh.touches[:, None]
     on[:, :, column["stick"]] = np.array([part.kind == "stick" for part in parts])[mesh.zone, None]
     on[:, :, column["sense"]] = np.array([part.sense for part in parts])[mesh.zone, None]
-    for node, joint, before, after in zip(mesh.ends, joints, parts[:-1], parts[1:], strict=True):
-        here = (node - 1, 1) if joint.side == BEFORE else (node, 0)
-        on[here][column[joint.equation]] = 1.0
+    for index, joint in enumerate(layout.joints):
+        before, after = index, (index + 1) % len(parts)
+        if index == loose:
+            continue
+        here = (mesh.cells(before).stop - 1, 1) if joint.side == BEFORE else (mesh.cells(after).start, 0)
+        on[here][column["stretch" if joint.equation == "angle" else joint.equation]] = 1.0
         if joint.equation == "coulomb":
             # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
-            on[here][column["sense"]] = -after.sense if joint.side == BEFORE else before.sense
-    (speed,) = mesh.layout.speeds
-    on[mesh.ends[speed.grip] - 1, 1, column["grip"]] = 1.0
-    on[:, :, column["force"]] = speed.equation == "torque"
+            on[here][column["sense"]] = -parts[after].sense if joint.side == BEFORE else parts[before].sense
+    for pulley, speed in zip(layout.pulleys, layout.speeds, strict=True):
+        grip = mesh.cells(speed.grip % len(parts)).stop - 1, 1
+        on[grip][column["grip"]] = 1.0
+        on[mesh.pulley == pulley, :, column["force"]] = speed.equation == "torque"
+        if terms.loads:
+            on[grip][column["once"]] = 1.0
+            transition = layout.transition(pulley)
+            if layout.joints[transition].equation == "angle":
+                on[grip][column["grip"]], on[grip][column["angle"]] = 0.0, 1.0
+                behind = slice(mesh.cells(transition).stop, mesh.cells(layout.on(pulley)[-1]).stop)
+                on[behind, :, column["behind"]] = 1.0
     return on

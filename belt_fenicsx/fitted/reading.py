@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -13,66 +13,86 @@ from belt_fenicsx.fitted.state import POINTS, State, tables
 from belt_fenicsx.layout.arrays import Array, vectors
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_of
+from belt_fenicsx.solution.reading import contacts_of, zones_of
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
 
 def samples(scene: Scene, state: State) -> Samples:
     """What a state says about its layout."""
-    stretch, place = grip(scene, state)
     parts = [sample(state, i) if part.touches else None for i, part in enumerate(state.layout.parts)]
-    on_pulley = Resultants(stretch, place, state.pressure_force, state.friction_force)
-    return Samples(ends=state.ends, parts=tuple(parts), pulleys=(on_pulley,))
+    resultants = zip(state.pressure_forces.tolist(), state.friction_forces.tolist(), strict=True)
+    pulleys = [Resultants(*grip(scene, state, index), *forces) for index, forces in enumerate(resultants)]
+    return Samples(ends=state.ends, parts=tuple(parts), pulleys=tuple(pulleys), rate=state.rate)
 
 
 def sample(state: State, index: int) -> Sample:
-    """Fields densely along a part."""
+    """Fields densely along a part, with the x of the touching fibre."""
     cells, dense = state.mesh.cells(index), state.dense
     # Where cells meet, a point counts once.
     once = np.append(np.arange((cells.stop - cells.start) * POINTS).reshape(-1, POINTS)[:, :-1], -1)
 
     def keeping() -> Array:
-        return state.tractions(np.array(np.nan), dense.strain[cells], dense.kappa[cells])[1].ravel()[once]
+        on = np.arange(cells.start, cells.stop)[:, None]
+        own = dense.strain[cells], dense.kappa[cells], dense.theta[cells]
+        return state.tractions(on, *own, sense=np.nan)[1].ravel()[once]
 
-    along = (dense.sigma, dense.r.real, dense.p, dense.f, dense.D)
-    sigma, x, p, f, D = (field[cells].ravel()[once] for field in along)
+    x = dense.r.real[cells]
+    if state.terms.offset:
+        x = x + state.offsets[cells, None] * np.sin(dense.theta[cells])
+    along = (dense.sigma[cells], x, dense.p[cells], dense.f[cells], dense.D[cells])
+    sigma, x, p, f, D = (field.ravel()[once] for field in along)
     return Sample(sigma, x, p, f, D, keeping)
 
 
-def grip(scene: Scene, state: State) -> tuple[float, float]:
-    """Stretch D and place x at which the belt leaves the pulley's speed, or is nearest to it in pure slip."""
-    transition, pulley = state.layout.transition(0), scene.pulleys[0]
-    if transition or pulley.friction == 0.0:
-        return state.D_stick, float(state.ends_r[state.mesh.ends[transition], 0].real)
-    sense, at = state.layout.parts[1].sense, sample(state, 1)
+def grip(scene: Scene, state: State, index: int) -> tuple[float, float]:
+    """Stretch D and place x at which the belt leaves a pulley's speed, or is nearest to it in pure slip."""
+    layout = state.layout
+    if index not in state.mesh.sliding or scene.pulleys[index].friction == 0.0:
+        # Without friction, it is the speed at the run-up.
+        cell = state.mesh.cells(layout.transition(index) % len(layout.parts)).stop - 1
+        x = state.dense.r[cell, -1].real + state.offsets[cell] * math.sin(state.dense.theta[cell, -1])
+        return float(state.stretches[index]), float(x)
+    part = layout.on(index)[0]
+    sense, at = layout.parts[part].sense, sample(state, part)
     sigma, x, D = at.sigma, at.x, at.D
     slowest, last = int(np.argmin(sense * D)), D.size - 1
     while 0 < slowest < last and sigma[-1] - sigma[0] > CLOSE:
         sigma = np.linspace(sigma[slowest - 1], sigma[slowest + 1], POINTS)
         cell, xi = state.located(sigma)
-        x, D = state.at(cell, xi)[0].real, np.abs(1.0 + state.strains_at(cell, xi)[0])
+        strain, kappa = state.strains_at(cell, xi)
+        x, D = state.at(cell, xi)[0].real, np.abs(state.fibre(cell, strain, kappa))
         slowest, last = int(np.argmin(sense * D)), D.size - 1
     return float(D[slowest]), float(x[slowest])
 
 
-def pulley_speed(scene: Scene, state: State) -> float:
-    """Speed of the pulley's surface: that of the belt in stick.
+def surface_stretches(scene: Scene, state: State) -> Array:
+    """Stretch of a belt that goes with the speed of each pulley's surface: that of the belt in stick ``(pulleys,)``.
 
-    Where the belt slides all along, it is the given one; without it, that of the belt where it is nearest to stick.
+    Where the belt slides all along, it is that of the given speed; without it, that of the belt where it is nearest to
+    stick.
     """
-    pulley = scene.pulleys[0]
-    if pulley.friction > 0.0 and state.layout.transition(0):
-        return state.D_stick
-    return grip(scene, state)[0] if pulley.omega is None else pulley.omega * pulley.radius
+    if not state.mesh.sliding:
+        return state.stretches
+    stretches = state.stretches.copy()
+    for index in state.mesh.sliding:
+        pulley = scene.pulleys[index]
+        driven = pulley.drive.kind == "omega"
+        stretches[index] = pulley.surface_speed / state.rate if driven else grip(scene, state, index)[0]
+    return stretches
+
+
+def sliding(scene: Scene, state: State, cell: Array, D: Array) -> Array:
+    """Sliding speed c D - R omega at points of cells."""
+    return state.rate * (D - surface_stretches(scene, state)[state.mesh.pulley[cell]])
 
 
 def holds(scene: Scene, state: State) -> bool:
     """Whether friction holds at all Gauss points of stick, so that a coarse state calls for no other layout."""
-    at, values = local(state.degree), state.values[state.mesh.sticks]
-    return not np.any(np.abs(values[:, at.f]) > scene.pulleys[0].friction * values[:, at.p])
+    at, sticks = local(state.degree), state.mesh.sticks
+    values, friction = state.values[sticks], state.pulleys[1, sticks, None]
+    return not np.any(np.abs(values[:, at.f]) > friction * values[:, at.p])
 
 
 def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
@@ -87,11 +107,12 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
     (r, theta), (p, f), (strain, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.strains_at(cell, xi)
-    D = np.abs(1.0 + strain)
+    tangent = state.fibre(cell, strain, kappa)
+    D = np.abs(tangent)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
-        v_rel=D - pulley_speed(scene, state),
+        phi=theta + np.angle(tangent), D=D, kappa=kappa, p=p, f=f, v_rel=sliding(scene, state, cell, D),
+        offset=state.offsets[cell] if state.terms.offset else None,
     )  # fmt: skip
 
 
@@ -103,22 +124,24 @@ def fields(scene: Scene, state: State) -> Fields:
     weight[:-1, -1][inner] += weight[1:, 0][inner]
     points, zone = once(mesh, POINTS)
     sigma, r, strain, D, theta, kappa, p, f, weight = (field.ravel()[points] for field in (*dense, weight))
+    cell = points // POINTS
     return Fields.from_state(
         scene.belt, zone=zone, weight=weight, sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.arctan2(strain.imag, 1.0 + strain.real), D=D, kappa=kappa, p=p, f=f,
-        v_rel=D - pulley_speed(scene, state),
+        phi=theta + np.angle(state.fibre(cell, strain, kappa)), D=D, kappa=kappa, p=p, f=f,
+        v_rel=sliding(scene, state, cell, D), offset=state.offsets[cell] if state.terms.offset else None,
     )  # fmt: skip
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
-    """Contact, zones and fields of a state, as arguments of a solution."""
-    mesh, radius, r, found = state.mesh, scene.pulleys[0].radius, state.ends_r, fields(scene, state)
-    border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
-    sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
-    zones = tuple(
-        Zone(kind=part.kind, slip=part.slip, pulley=part.pulley if part.touches else None, sigma=sigma[i], x=x[i])
-        for i, part in enumerate(mesh.layout.parts)
+    """Contacts, zones and fields of a state, as arguments of a solution."""
+    found, rate = fields(scene, state), state.rate
+    omegas = [
+        pulley.drive.by("omega") if pulley.drive.kind == "omega" else rate * stretch / pulley.radius
+        for pulley, stretch in zip(scene.pulleys, surface_stretches(scene, state).tolist(), strict=True)
+    ]
+    torques = [-p.radius * force for p, force in zip(scene.pulleys, state.friction_forces.tolist(), strict=True)]
+    zones = zones_of(scene, state.layout.parts, found)
+    contacts = contacts_of(
+        scene, zones, found, rate=rate, omegas=omegas, torques=torques, centers=vectors(state.centers).tolist()
     )
-    omega, torque = pulley_speed(scene, state) / radius, -radius * state.friction_force
-    contacts = contacts_of(scene, zones, found, rate=1.0, omegas=(omega,), torques=(torque,))
-    return {"transport_rate": 1.0, "contacts": contacts, "zones": zones, "fields": found}
+    return {"transport_rate": rate, "contacts": contacts, "zones": zones, "fields": found}

@@ -7,12 +7,16 @@ Its own ladder to a coarse state of the lowest degree, each step for scenes in w
 3. By way of a belt that bends more easily and so is more like a string.
 4. From pure stick, with the transition where the scene wants it.
 
+With several pulleys or loads, it starts from the exact string of the drive, at a higher degree, and then by way of
+belts that bend more easily. What the string has of sliding in the wrong sense is turned round.
+
 Then the degree rises by two. Where states of both degrees have the same rows, their difference tells the error.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -24,9 +28,10 @@ from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.reading import holds, samples
 from belt_fenicsx.fitted.state import State, from_fields
+from belt_fenicsx.fitted.state import from_drive as state_of_drive
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import posed
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.belt import StiffnessBelt
 from belt_fenicsx.scene.pulley import RUN_OFF
@@ -34,11 +39,14 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick, solve_driven
 from belt_fenicsx.search.find import attempt, layout_of, limit
+from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.drive import string_drive
 
 METHOD = "fitted"
+FIRST = 6  # The degree of a first guess from the string of a drive; a lower one has too many roots with many pulleys.
 FINE = 8  # The degree with which a state is compared with a limit.
 HIGHEST = 14  # The highest degree.
 LAST = {1e-6: 6, 1e-8: 8, 1e-10: 10, 0.0: 12}  # The degree that mostly reaches an rtol, by the rtol.
@@ -49,7 +57,7 @@ PLACED = 1e-8  # After such a step, a state is compared with a limit.
 # shorter than this, in belt lengths, it can be as large as what the degree leaves.
 SHORT = 0.012
 NEGATIVE = 0.1  # No error of a coarse state explains a negative pressure of this, relative to the largest one.
-SHORTEST = 1e-4  # A contact that is no longer, in belt lengths, is none.
+SHORTEST = 1e-4  # A contact that is no longer, in radii, is none.
 BREACH = 1e-3  # A coarse state may break a bound by this by its error, relative to the largest value.
 TOLERANCE = 1e-6  # The tolerance of the certificate; what low degrees leave of the inequalities is below a tenth of it.
 FURTHEST = 0.8  # Newton's iteration finds a joint again that starts in this part of a stick part.
@@ -58,9 +66,19 @@ FURTHEST = 0.8  # Newton's iteration finds a joint again that starts in this par
 WARM, RESCUE = (6, 8), (8, 12)
 NEARLY = 0.95  # This part of the contact slides, at most, in a first guess from pure stick.
 SOFTER = 1 / 20  # The bending stiffness of a belt that is more like a string, over the belt's.
+LEAST_GROWTH = 1.1  # No smaller step leads from a softer belt to a stiffer one.
+SHRUNK = 0.01  # Of a part that shrinks to nothing, an iteration leaves less than this part.
 BUDGET = 300  # All starts together may take so many Newton iterations.
 
 Start = Callable[["Run"], State]
+
+
+class NotConverged(Stopped):
+    """Newton's iteration did not converge; `state` is where it stands."""
+
+    def __init__(self, message: str, state: State) -> None:
+        self.state = state
+        super().__init__(Status.NEWTON_DIVERGED, message)
 
 
 @dataclass(frozen=True)
@@ -129,8 +147,7 @@ class Run:
         result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
         self.stages.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
-            message = f"At degree {state.degree}, after {-iterations} iterations from {why}."
-            raise Stopped(Status.NEWTON_DIVERGED, message)
+            raise NotConverged(f"At degree {state.degree}, after {-iterations} iterations from {why}.", result)
         return result
 
     def transfer(self, state: State, layout: Layout, ends: Array) -> State:
@@ -138,17 +155,36 @@ class Run:
         return from_fields(self.scene, state, layout, ends, state.degree, self.elements)
 
     def converge(self, start: State, stage: str, why: str) -> State:
-        """Newton's iteration from a first guess; adds a stage."""
-        return self.newton(start, f"{stage}: {why}")
+        """Newton's iteration from a first guess; adds a stage.
+
+        Where sliding behind stick shrinks to nothing, once more with it turned round: on a pulley that is hardly loaded
+        a first guess may have the wrong sense.
+        """
+        turned, arrived = set[int](), ARRIVED if self.scene.is_published else CLOSE
+        while True:
+            try:
+                return self.newton(start, f"{stage}: {why}", arrived=arrived)
+            except NotConverged as failed:
+                shrunk = shrunk_behind_stick(start, failed.state) - turned
+                if self.scene.is_published or not shrunk:
+                    raise
+            turned |= shrunk
+            parts = [part.turned if i in shrunk else part for i, part in enumerate(start.layout.parts)]
+            start = self.transfer(start, ordered(self.scene, [part for part in parts if part.touches]), start.ends)
 
     def sharpen(self, state: State, why: str) -> State:
         """The same state known well enough to compare it with a limit."""
-        return self.newton(state.of_degree(max(FINE, state.degree)), why, arrived=PLACED)
+        return self.newton(
+            state.of_degree(max(FINE, state.degree)), why, arrived=PLACED if self.scene.is_published else CLOSE
+        )
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a contact and, but for the lowest degree, the belt is pressed onto the pulley."""
-        contact = state.ends[-2] - state.ends[1]
-        return bool(contact >= SHORTEST and (state.degree == LOWEST or not lifts(state)))
+        for index, pulley in enumerate(self.scene.pulleys):
+            on = state.layout.on(index)
+            if state.ends[on[-1] + 1] - state.ends[on[0]] < SHORTEST * pulley.radius:
+                return False
+        return state.degree == LOWEST or not lifts(state)
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -202,12 +238,29 @@ class Run:
 
     def start(self, near: State | None = None) -> State:
         """A coarse state of a scene that says where stick ends; pure slip also from pure stick."""
+        if not self.scene.is_published:
+            return self._start_from_drive()
         near_by: list[Start] = [] if near is None else [functools.partial(from_stick, stick=near)]
         for way in [*near_by, *STRING]:
             state = attempt(functools.partial(way, self))
             if state is not None and self.is_plausible(state):
                 return state
         raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the taut string.")
+
+    def _start_from_drive(self) -> State:
+        """A coarse state from the exact string of a drive; well known where the drive does not place each transition.
+
+        Raises:
+            Stopped: None of the ways leads to one.
+        """
+        for way in DRIVE:
+            state = attempt(functools.partial(way, self))
+            if state is not None and self.is_plausible(state):
+                placed = all(state.layout.slides_behind(index) for index in state.layout.pulleys)
+                return (
+                    state if placed else self.sharpen(state, "pulleys on which the belt sticks, or slides, all along")
+                )
+        raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the exact string.")
 
 
 def trusted(breach: float) -> Tolerances:
@@ -236,6 +289,46 @@ def from_string(run: Run, *, held: bool = False) -> State:
     guess, pressed = string_guess(run.scene, run.elements)
     run.stages.ran("taut string", "first guess")
     return run.newton(guess, "the taut string", held=held or pressed)
+
+
+def from_drive(run: Run, degree: int) -> State:
+    """From the exact string of a drive."""
+    guess = state_of_drive(run.scene, string_drive(run.scene), degree, run.elements)
+    run.stages.ran("string", "first guess")
+    return run.converge(guess, "string", "the rows of the string")
+
+
+def shrunk_behind_stick(start: State, end: State) -> set[int]:
+    """Parts that slide behind stick, of which an iteration has left next to nothing."""
+    parts, left = start.layout.parts, np.diff(end.ends) < SHRUNK * np.diff(start.ends)
+    return {i for i, part in enumerate(parts) if left[i] and part.kind == "slip" and parts[i - 1].kind == "stick"}
+
+
+def from_softer_drive(run: Run) -> State:
+    """By way of belts that bend more easily and so are more like a string; each step as long as it can be."""
+    belt, factor, growth = run.scene.belt, SOFTER, 1.0 / SOFTER
+    assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
+
+    def softer(factor: float) -> Run:
+        return replace(
+            run, scene=run.scene.altered(belt=replace(belt, bending_stiffness=factor * belt.bending_stiffness))
+        )
+
+    state = from_drive(softer(factor), FINE)
+    while factor < 1.0:
+        stiffer = min(factor * growth, 1.0)
+        way = softer(stiffer)
+        try:
+            found = way.newton(
+                way.transfer(state, state.layout, state.ends), f"a belt of {factor:.3g} of the stiffness"
+            )
+        except Stopped:
+            found = state
+        if found is not state and not lifts(found):
+            state, factor = found, stiffer
+        elif (growth := math.sqrt(growth)) < LEAST_GROWTH:
+            raise Stopped(Status.NEWTON_DIVERGED, f"From a belt of {factor:.3g} of the stiffness no step leads on.")
+    return state
 
 
 def from_softer(run: Run) -> State:
@@ -271,6 +364,7 @@ def from_solution(run: Run, initial: Solution, degree: int) -> State:
     return run.newton(guess, "the given solution")
 
 
+DRIVE: tuple[Start, ...] = (functools.partial(from_drive, degree=FIRST), from_softer_drive)
 STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, held=True), from_softer)
 
 
@@ -281,6 +375,8 @@ def ways(run: Run, initial: Solution | None) -> list[Start]:
     if initial is not None:
         degrees = WARM if initial.method == METHOD else RESCUE
         warm += [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
+    if not run.scene.is_published:
+        return [*warm, solve_several]
     if pulley.drive.kind != "x_trans" and pulley.friction > 0.0:
         return [*warm, solve_driven]
     return [*warm, *STRING, *([from_stick] if posed(run.scene).slides_behind(0) else [])]

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from belt_fenicsx.fitted.cells import Mesh, divided
-from belt_fenicsx.fitted.dofs import local, width
+from belt_fenicsx.fitted.dofs import Terms, local, terms_of, width
 from belt_fenicsx.fitted.elements import gauss_basis, gauss_weights, nodal_basis, points
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import bending_layer, shear_layer
+from belt_fenicsx.layout.layers import LEAST_STRAIN, bending_layer, shear_layer
 from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import gives_rate, ordered
 from belt_fenicsx.mechanics.rod import Strains, tractions
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields, simpson_weights
+from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.drive import StringDrive
 from belt_fenicsx.taut_string.string import TautString
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
 EVEN, ENDS = np.linspace(0.0, 1.0, POINTS), np.array([0.0, 1.0])
+LEAST = 0.02  # A part on a pulley takes at least this part of the contact in a first guess.
 ROUNDING = 4.0 * float(np.finfo(float).eps)  # of a coordinate, in belt lengths
 
 
@@ -37,17 +43,28 @@ class Dense(NamedTuple):
     f: Array
 
 
+class Driven(NamedTuple):
+    """Elongation D - 1 in stick of each pulley ``(pulleys,)``, transport rate, displacement of each ``(pulleys,)``."""
+
+    elongations: Array
+    rate: float
+    moves: Array
+
+
 @functools.cache
-def prolongation(coarse: int, fine: int) -> Array:
-    """Map of a cell's values from one degree to another ``(5 coarse + 6, 5 fine + 6)``."""
+def prolongation(coarse: int, fine: int, loads: bool) -> Array:
+    """Map of a cell's values from one degree to another ``(dofs, finer dofs)``."""
     old, new = local(coarse), local(fine)
     nodes, gauss = points(fine)
     nodal, traction = nodal_basis(coarse, nodes)[0].T, gauss_basis(coarse, gauss).T
-    result = np.zeros((width(coarse), width(fine)))
+    # What cells share at their ends stays so to the last bit: rounding would bend the belt at its nodes.
+    nodal[:, :2] = np.eye(coarse + 1, 2)
+    result = np.zeros((width(coarse, loads), width(fine, loads)))
     result[old.r, new.r] = np.kron(nodal, np.eye(2))
     result[old.theta, new.theta] = nodal
     result[old.p, new.p] = result[old.f, new.f] = traction
-    result[old.sigma, new.sigma], result[old.D, new.D] = np.eye(2), 1.0
+    scalars = old.scalars(loads), new.scalars(loads)
+    result[scalars] = 1.0
     return result
 
 
@@ -79,10 +96,10 @@ class State:
         cells: Both ends of each cell in its zone, which goes from 0 to 1 ``(n, 2)``.
         degree: Degree k.
         ends: Ends of the zones in the material-length coordinate ``(z + 1,)``.
-        chords: Each cell's left end as seen from the pulley's centre, and the vector from there to its right end
+        chords: Each cell's left end as seen from the centre of its pulley, and the vector from there to its right end
             ``(n, 4)``.
         values: Unknowns of each cell, with the deviations from the chord for positions, its ends 0 and length for
-            sigma, and for the stretch in stick its elongation ``(n, 5 k + 6)``.
+            sigma, and for the stretch in stick its elongation ``(n, dofs)``.
     """
 
     scene: Scene
@@ -98,10 +115,50 @@ class State:
         """What the belt does part by part."""
         return self.mesh.layout
 
-    @property
-    def D_stick(self) -> float:
-        """Stretch in stick."""
-        return 1.0 + float(self.values[0, -1])
+    @functools.cached_property
+    def terms(self) -> Terms:
+        """What there is to compute."""
+        return terms_of(self.scene)
+
+    @functools.cached_property
+    def stretches(self) -> Array:
+        """Stretch in stick on each pulley ``(pulleys,)``."""
+        return 1.0 + self._of_pulleys(local(self.degree).D)
+
+    @functools.cached_property
+    def moves(self) -> Array:
+        """Displacement of each pulley that moves ``(pulleys,)``; zero of others."""
+        return self._of_pulleys(local(self.degree).move) if self.terms.loads else np.zeros(len(self.scene.pulleys))
+
+    @functools.cached_property
+    def rate(self) -> float:
+        """Transport rate; where no force depends on it, the one that goes with the given speed of a pulley."""
+        if self.terms.loads:
+            return float(self.values[0, local(self.degree).rate][0])
+        if self.scene.transport_rate is not None:
+            return self.scene.transport_rate
+        giving = gives_rate(self.scene, self.layout) or 0
+        driven = next(i for i, p in enumerate(self.scene.pulleys) if p.drive.kind == "omega" and i >= giving)
+        return float(self.scene.pulleys[driven].surface_speed / self.stretches[driven])
+
+    @functools.cached_property
+    def centers(self) -> Array:
+        """Centre of each pulley where it has moved to, in the complex plane ``(pulleys,)``."""
+        return np.array([complex(*p.center) for p in self.scene.pulleys]) + self.moves * ways(self.scene)
+
+    def _of_pulleys(self, dof: slice) -> Array:
+        """One of the scalars that each pulley has ``(pulleys,)``."""
+        return self.values[self.mesh.firsts, dof.start]
+
+    def on(self, pulley: int) -> Array:
+        """Whether each cell lies on a pulley ``(n,)``."""
+        return self.mesh.touches & (self.mesh.pulley == pulley)
+
+    @functools.cached_property
+    def pulleys(self) -> Array:
+        """Radius, friction coefficient and side of the pulley to which each cell belongs ``(3, n)``."""
+        each = [(pulley.radius, pulley.friction, pulley.turn) for pulley in self.scene.pulleys]
+        return np.array(each).T[:, self.mesh.pulley]
 
     @property
     def length(self) -> Array:
@@ -125,14 +182,14 @@ class State:
         return self.values[:, local(self.degree).r].view(complex)
 
     @property
-    def _center(self) -> complex:
-        """The pulley's centre in the complex plane."""
-        return complex(*self.scene.pulleys[0].center)
+    def _center(self) -> Array:
+        """Centre of each cell's pulley in the complex plane ``(n,)``."""
+        return self.centers[self.mesh.pulley]
 
     @property
     def ends_r(self) -> Array:
         """Positions of both ends of each cell, in the complex plane ``(n, 2)``."""
-        return self._center + on_chords(self._chords, ENDS)
+        return self._center[:, None] + on_chords(self._chords, ENDS)
 
     @property
     def nodes(self) -> Array:
@@ -151,23 +208,23 @@ class State:
             values[:, at.f],
         )
 
-    @property
-    def friction_force(self) -> float:
-        """Integral of the friction traction."""
-        return self._integral(local(self.degree).f)
+    @functools.cached_property
+    def friction_forces(self) -> Array:
+        """Integral of the friction traction on each pulley ``(pulleys,)``."""
+        return self._integrals(local(self.degree).f)
 
-    @property
-    def pressure_force(self) -> float:
-        """Integral of the pressure."""
-        return self._integral(local(self.degree).p)
+    @functools.cached_property
+    def pressure_forces(self) -> Array:
+        """Integral of the pressure on each pulley ``(pulleys,)``."""
+        return self._integrals(local(self.degree).p)
 
-    def _integral(self, dofs: slice) -> float:
-        """Integral along the belt of what has these dofs at the Gauss points."""
-        return float((self.values[:, dofs] @ gauss_weights(self.degree)) @ self.length)
+    def _integrals(self, dofs: slice) -> Array:
+        """Integrals of what has these dofs at the Gauss points ``(pulleys,)``."""
+        return np.bincount(self.mesh.pulley, (self.values[:, dofs] @ gauss_weights(self.degree)) * self.length)
 
     def r(self, xi: Array, nodal: Array) -> Array:
         """Positions in the complex plane ``(n, m)``, at ``xi`` ``(m,)``, where the nodes' polynomials are ``nodal``."""
-        return self._center + (on_chords(self._chords, xi) + self._deviation @ nodal.T)
+        return self._center[:, None] + (on_chords(self._chords, xi) + self._deviation @ nodal.T)
 
     @functools.cached_property
     def force(self) -> Array:
@@ -192,21 +249,45 @@ class State:
         strain.imag /= belt.shear_stiffness
         return strain
 
-    def tractions(self, sense: Array, strain: Array, kappa: Array) -> tuple[Array, Array]:
-        """Pressure and friction on the pulley from equilibrium; D' is zero in stick, else what makes f = -s mu p.
+    def tractions(
+        self, cell: Array, strain: Array, kappa: Array, theta: Array, sense: Array | float | None = None
+    ) -> tuple[Array, Array]:
+        """Pressure and friction on the pulleys from equilibrium; D' is zero in stick, else what makes f = -s mu p.
 
         Args:
-            sense: Sense s of sliding, NaN in stick; of the shape of the others, or one that fits it.
+            cell: Cells of the points; of the shape of the others, or one that fits it.
             strain: Strains eps + i Gamma.
             kappa: Bending strain.
+            theta: Angle of the cross-section.
+            sense: Sense s of sliding, NaN in stick; by default, that of the cells.
         """
-        belt, pulley, D = self.scene.belt, self.scene.pulleys[0], np.abs(1.0 + strain)
-        b1, b2 = belt.extensional_stiffness, belt.shear_stiffness
-        p, f = tractions(Strains(strain.real, strain.imag, kappa), D, radius=pulley.radius, b1=b1, b2=b2)
-        cos, sin, mu = (1.0 + strain.real) / D, -strain.imag / D, sense * pulley.friction
-        Qt_D, Qn_D = b2 + (b1 - b2) * cos**2, (b1 - b2) * cos * sin
+        belt, square = self.scene.belt, self.rate**2 if self.terms.loads else 0.0
+        radius, friction, side = self.pulleys[:, cell]
+        mass, offset = square * belt.line_density, side * belt.contact_offset if self.terms.offset else 0.0
+        a, b1 = belt.bending_stiffness - square * belt.rotary_inertia, belt.extensional_stiffness
+        weight = belt.line_density * complex(*self.scene.gravity) * np.exp(-1j * theta) if belt.line_density else 0j
+        # Both are linear in D'; along the touching fibre, bending gives way, too.
+        fibre = 1.0 + strain + offset * kappa if self.terms.offset else 1.0 + strain
+        D = np.abs(fibre)
+        p, f = tractions(
+            Strains(strain.real, strain.imag, kappa), D, side=side, radius=radius, a=a, b1=b1, b2=belt.shear_stiffness,
+            mass=mass, offset=offset, weight=(weight.real, weight.imag),
+        )  # fmt: skip
+        sense = self._senses[cell] if sense is None else sense
+        b1, b2 = (b1 - mass) * a / (a + offset**2 * (b1 - mass)), belt.shear_stiffness - mass
+        cos, sin, mu = fibre.real / D, -fibre.imag / D, sense * friction
+        Qt_D, Qn_D = b2 + (b1 - b2) * cos**2, side * (b1 - b2) * cos * sin
         D_rate = np.where(np.isnan(sense), 0.0, (f + mu * p) / (Qt_D + mu * Qn_D))
         return p - Qn_D * D_rate, f - Qt_D * D_rate
+
+    def fibre(self, cell: Array, strain: Array, kappa: Array) -> Array:
+        """Derivative of the touching fibre, of the middle line in free spans, in the axes of the cross-section."""
+        return 1.0 + strain + self.offsets[cell] * kappa if self.terms.offset else 1.0 + strain
+
+    @functools.cached_property
+    def offsets(self) -> Array:
+        """Distance of the touching fibre from the middle line, towards -e2, on pulleys, in each cell ``(n,)``."""
+        return self.mesh.touches * self.pulleys[2] * self.scene.belt.contact_offset
 
     @functools.cached_property
     def dense(self) -> Dense:
@@ -218,12 +299,13 @@ class State:
         kappa = values[:, at.theta] @ slopes.T / length
         p, f = np.zeros((2, *kappa.shape))
         contact = self.mesh.touches
-        p[contact], f[contact] = self.tractions(self._senses[contact, None], strain[contact], kappa[contact])
+        on = np.flatnonzero(contact)
+        p[on], f[on] = self.tractions(on[:, None], strain[on], kappa[on], theta[on])
         return Dense(
             sigma=self.sigma[:, :1] + length * EVEN,
             r=self.r(EVEN, nodal),
             strain=strain,
-            D=np.abs(1.0 + strain),
+            D=np.abs(self.fibre(np.arange(len(strain))[:, None], strain, kappa)),
             theta=theta,
             kappa=kappa,
             p=p,
@@ -234,7 +316,7 @@ class State:
         """The same fields in elements of another degree; exactly the same where it is higher."""
         if degree == self.degree:
             return self
-        return replace(self, degree=degree, values=self.values @ prolongation(self.degree, degree))
+        return replace(self, degree=degree, values=self.values @ prolongation(self.degree, degree, self.terms.loads))
 
     def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
         """Cell and reference coordinate of points; at a border, those of the cell after it, or before it.
@@ -250,14 +332,14 @@ class State:
         """r in the complex plane and theta at points ``xi`` of cells ``(m,)``."""
         nodal, theta = nodal_basis(self.degree, xi)[0], self.values[cell][:, local(self.degree).theta]
         arm = on_chords(self._chords[cell], xi[:, None])[:, 0] + np.einsum("mi,mi->m", nodal, self._deviation[cell])
-        return self._center + arm, np.einsum("mi,mi->m", nodal, theta)
+        return self._center[cell] + arm, np.einsum("mi,mi->m", nodal, theta)
 
     def tractions_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """p and f at points ``xi`` of cells ``(m,)``."""
         p, f = np.zeros((2, cell.size))
         contact = self.mesh.touches[cell]
         cell, xi = cell[contact], xi[contact]
-        p[contact], f[contact] = self.tractions(self._senses[cell], *self.strains_at(cell, xi))
+        p[contact], f[contact] = self.tractions(cell, *self._strained(cell, xi))
         return p, f
 
     @property
@@ -267,10 +349,16 @@ class State:
 
     def strains_at(self, cell: Array, xi: Array) -> tuple[Array, Array]:
         """Strains eps + i Gamma and kappa at points ``xi`` of cells ``(m,)``."""
-        (nodal, slopes), theta = nodal_basis(self.degree, xi), self.values[cell][:, local(self.degree).theta]
-        force = np.einsum("mi,mi->m", gauss_basis(self.degree, xi), self.force[cell])
-        strain = self.strain(force, np.einsum("mi,mi->m", nodal, theta))
-        return strain, np.einsum("mi,mi->m", slopes, theta) / self.length[cell]
+        return self._strained(cell, xi)[:2]
+
+    def _strained(self, cell: Array, xi: Array) -> tuple[Array, Array, Array]:
+        """The same, and theta."""
+        (nodal, slopes), values = nodal_basis(self.degree, xi), self.values[cell, local(self.degree).theta]
+        force, theta = (
+            np.einsum("mi,mi->m", gauss_basis(self.degree, xi), self.force[cell]),
+            np.einsum("mi,mi->m", nodal, values),
+        )
+        return self.strain(force, theta), np.einsum("mi,mi->m", slopes, values) / self.length[cell], theta
 
 
 def on_chords(chords: Array, xi: Array) -> Array:
@@ -278,22 +366,43 @@ def on_chords(chords: Array, xi: Array) -> Array:
     return chords[:, :1] + xi * chords[:, 1:]
 
 
+def ways(scene: Scene) -> Array:
+    """Directions in which pulleys move, in the complex plane ``(pulleys,)``; zero of those that do not."""
+    directions = [complex(*(pulley.take_up or (0.0, 0.0))) for pulley in scene.pulleys]
+    return np.array([direction / (abs(direction) or 1.0) for direction in directions])
+
+
 def _blank(scene: Scene, layout: Layout, ends: Array, strain: float, degree: int, elements: int | None) -> State:
     """Layout divided into cells, without fields."""
     layers = {"bending": bending_layer(scene, strain), "shear": shear_layer(scene, strain)}
     mesh, cells = divided(layout, ends, **layers, elements=elements)
-    values = np.zeros((len(cells), width(degree)))
+    values = np.zeros((len(cells), width(degree, terms_of(scene).loads)))
     values[:, local(degree).sigma.stop - 1] = (ends[1:] - ends[:-1])[mesh.zone] * (cells[:, 1] - cells[:, 0])
     return State(scene, mesh, cells, degree, ends, np.zeros((len(cells), 4)), values)
 
 
-def _placed(scene: Scene, state: State, r: Array, theta: Array) -> State:
-    """Puts the nodes to ``r``, in the complex plane, and ``theta`` ``(n, k + 1)``, and the ends into the clamps."""
-    r[0, 0], r[-1, 1] = -scene.span / 2, scene.span / 2
-    theta[0, 0] = theta[-1, 1] = 0.0
+def _drive(state: State, driven: Driven) -> None:
+    """Sets the scalars that are no borders."""
+    at, pulley, rate = local(state.degree), state.mesh.pulley, state.scene.transport_rate
+    state.values[:, at.D] = driven.elongations[pulley, None]
+    if state.terms.loads:
+        state.values[:, at.rate] = driven.rate if rate is None else rate
+        state.values[:, at.move] = driven.moves[pulley, None]
+
+
+def _placed(state: State, r: Array, theta: Array) -> State:
+    """Puts the nodes to ``r``, in the complex plane, and ``theta`` ``(n, k + 1)``, and the ends where they belong."""
+    theta[:-1, 1] = theta[1:, 0]
+    if state.layout.closed:
+        turn = 2.0 * math.pi * round((theta[-1, 1] - theta[0, 0]) / (2.0 * math.pi))
+        r[-1, 1], theta[-1, 1] = r[0, 0], theta[0, 0] + turn
+    else:
+        for (x, y, angle), end in zip(state.scene.ends, ((0, 0), (-1, 1)), strict=True):
+            r[end], theta[end] = complex(x, y), angle
     state.values[:, local(state.degree).theta] = theta
-    arm, chords, deviation = r - state._center, state._chords, state._deviation
-    arm[1:, 0] = arm[:-1, 1]
+    arm, chords, deviation = r - state._center[:, None], state._chords, state._deviation
+    same = state.mesh.pulley[1:] == state.mesh.pulley[:-1]
+    arm[1:, 0][same] = arm[:-1, 1][same]
     left, right = arm[:, 0], arm[:, 1]
     chords[:, 0], chords[:, 1] = left, right - left
     deviation[:] = arm - on_chords(chords, points(state.degree)[0])
@@ -324,20 +433,85 @@ def from_string(scene: Scene, string: TautString, layout: Layout, degree: int, e
     borders = string.borders if len(layout.joints) == 3 else string.borders[[0, 2]]
     ends = np.array([-half, *borders, half])
     state = _blank(scene, layout, ends, float(np.mean(string.strain)), degree, elements)
-    at, (nodes, _), sigma = local(degree), points(degree), state.sigma
+    nodes, sigma = points(degree)[0], state.sigma
     inside = (sigma[:, :1] + state.length[:, None] * nodes).ravel()
     n = len(sigma)
-    state.values[:, at.D] = string.strain[0]
+    _drive(state, Driven(string.strain[:1], 1.0, np.zeros(1)))
     D = string.D((sigma[:, 0] + sigma[:, 1]) / 2)
     tension = scene.belt.extensional_stiffness * np.maximum(D - 1.0, string.strain.min())
-    p = np.where(state.mesh.touches, tension * D / scene.pulleys[0].radius, 0.0)
+    _pressed(state, tension * D)
+    return _placed(state, string.r(inside).view(complex).reshape(n, -1), string.phi(inside).reshape(n, -1))
+
+
+def from_drive(scene: Scene, string: StringDrive, degree: int, elements: int | None = None) -> State:
+    """The exact string of a drive, with its parts, its pressure and its friction in sliding.
+
+    Args:
+        scene: The dimensionless scene.
+        string: The string.
+        degree: Degree k.
+        elements: Number of cells; by default, as many as the layers call for.
+    """
+    layout = ordered(scene, [own.part for own in string.parts if own.part.touches])
+    lengths = np.array([own.length for own in string.parts])
+    # Scaled, the last end is where the belt ends to the last bit.
+    true = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum() - 0.5
+    ends = scene.belt.length * _apart(layout, true)
+    strain = float(np.mean([own.stretches for own in string.parts])) - 1.0
+    state = _blank(scene, layout, ends, strain, degree, elements)
+    nodes = points(degree)[0]
+    inside = (state.sigma[:, :1] + state.length[:, None] * nodes) / scene.belt.length
+    radius = np.array([pulley.radius for pulley in scene.pulleys])
+    elongations = np.zeros(radius.size)
+    r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(inside.shape)
+    part = np.clip(np.searchsorted(true, inside, side="right") - 1, 0, len(lengths) - 1)
+    for i, own in enumerate(string.parts):
+        here = part == i
+        fraction = np.clip((inside[here] - true[i]) / (true[i + 1] - true[i]), 0.0, 1.0)
+        x, y, theta[here], D = own.at(fraction)
+        r[here] = x + 1j * y
+        force = own.force[0] + fraction * (own.force[1] - own.force[0])
+        along[here] = np.maximum(force, LEAST_STRAIN * scene.belt.extensional_stiffness) * D
+        if own.part.touches and (own.part.kind == "stick" or elongations[own.part.pulley] == 0.0):
+            on = own.part.pulley
+            # The touching fibre's stretch is as much smaller as its radius is.
+            elongations[on] = own.stretches[0] * radius[on] / (radius[on] + scene.belt.contact_offset) - 1.0
+    _drive(state, Driven(elongations, string.rate, np.array(string.take_ups)))
+    _pressed(state, along[:, :2].mean(axis=1))
+    return _placed(state, r, theta)
+
+
+def _apart(layout: Layout, ends: Array) -> Array:
+    """Ends of parts, of which none takes less than a part `LEAST` of the contact that it is in."""
+    ends = ends.copy()
+    for pulley in layout.pulleys:
+        on = layout.on(pulley)
+        lengths = np.diff(ends[on[0] : on[-1] + 2])
+        lengths = (
+            np.maximum(lengths, LEAST * lengths.sum())
+            / np.maximum(lengths, LEAST * lengths.sum()).sum()
+            * lengths.sum()
+        )
+        ends[on[0] + 1 : on[-1] + 1] = ends[on[0]] + np.cumsum(lengths)[:-1]
+    return ends
+
+
+def _pressed(state: State, tension: Array) -> None:
+    """Sets the pressure of a string of so much tension in each cell, and its friction where it slides."""
+    at, (radius, friction, _), touches = local(state.degree), state.pulleys, state.mesh.touches
+    p = np.where(touches, tension / (radius + state.scene.belt.contact_offset), 0.0)
     state.values[:, at.p] = p[:, None]
-    state.values[:, at.f] = (-state.mesh.senses * scene.pulleys[0].friction * p)[:, None]
-    return _placed(scene, state, string.r(inside).view(complex).reshape(n, -1), string.phi(inside).reshape(n, -1))
+    state.values[:, at.f] = (-state.mesh.senses * friction * p)[:, None]
 
 
 def from_fields(
-    scene: Scene, old: Fields | State, layout: Layout, ends: Array, degree: int, elements: int | None = None
+    scene: Scene,
+    old: Fields | State,
+    layout: Layout,
+    ends: Array,
+    degree: int,
+    elements: int | None = None,
+    driven: Driven | None = None,
 ) -> State:
     """The fields of another solution on other zones, for a scene that may be another one.
 
@@ -349,21 +523,30 @@ def from_fields(
         ends: Ends of the zones ``(z + 1,)``.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
+        driven: What there is to know of the pulleys besides the fields; that of a state is known.
+
+    Raises:
+        Stopped: A zone has no length.
     """
-    elongation = old.values[0, -1] if isinstance(old, State) else float(old.D[0] - old.v_rel[0]) - 1.0
-    state = _blank(scene, layout, ends, elongation, degree, elements)
-    if isinstance(old, State) and old.mesh == state.mesh and np.array_equal(old.ends, ends):
-        same = old.of_degree(degree)
-        state = replace(same, scene=scene, ends=ends, chords=same.chords.copy(), values=same.values.copy())
+    if np.any(np.diff(ends) <= 0.0):
+        raise Stopped(Status.NEWTON_DIVERGED, f"In {layout}, there is a zone of no length.")
+    if driven is None:
+        assert isinstance(old, State), "fields alone do not tell how the pulleys turn"
+        driven = Driven(old.stretches - 1.0, old.rate, old.moves)
+    state = _blank(scene, layout, ends, float(np.mean(driven.elongations)), degree, elements)
+    if isinstance(old, State) and (old.mesh, old.terms) == (state.mesh, state.terms) and np.array_equal(old.ends, ends):
+        kept = old.of_degree(degree)
+        state = replace(kept, scene=scene, ends=ends, chords=kept.chords.copy(), values=kept.values.copy())
         r, theta, p, f = state.at_nodes
     else:
         nodes, gauss = (state.sigma[:, :1] + state.length[:, None] * inside for inside in points(degree))
         (r, theta), (p, f) = _read(old, nodes, gauss)
     at, mesh = local(degree), state.mesh
     state.values[:, at.p] = mesh.touches[:, None] * p
-    state.values[:, at.f] = np.where(mesh.sticks[:, None], f, -mesh.senses[:, None] * scene.pulleys[0].friction * p)
-    state.values[:, at.D] = elongation
-    return _placed(scene, state, r, theta)
+    slides = -(mesh.senses * state.pulleys[1])[:, None] * p
+    state.values[:, at.f] = np.where(mesh.sticks[:, None], f, slides)
+    _drive(state, driven)
+    return _placed(state, r, theta)
 
 
 def _read(old: Fields | State, nodes: Array, gauss: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

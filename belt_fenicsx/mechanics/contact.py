@@ -17,21 +17,31 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
-def penetration_near(place: Expr, deviation: Expr, *, radius: Expr, excess: Expr) -> Expr:
-    """The same g next to a place whose distance from the circle is known well, with little rounding error.
+def penetration_near(
+    place: Expr, deviation: Expr, *, radius: Expr, excess: Expr, offset: Expr, side: Expr, e2: Expr
+) -> Expr:
+    """The same g of the fibre at r - d e2, with little rounding error next to a place of which it is known well.
 
-    With E = R^2 - |place|^2, it is g = (E - deviation.(2 place + deviation)) / (R + |place + deviation|). The rounding
-    error of the difference in `penetration` is as large as that of positions; from point to point it is a roughness of
-    the pulley, to which the pressure of a thin, stiff belt answers.
+    With E = (R + s d)^2 - |place|^2 and r = place + deviation, it is
+
+        g = (E - deviation.(2 place + deviation) - 2 d (s (R + s d) - r.e2)) / (R + |r - d e2|).
+
+    The rounding error of the difference in `penetration` is as large as that of positions; from point to point it is a
+    roughness of the pulley, to which the pressure of a thin, stiff belt answers.
 
     Args:
         place: A place, as seen from the centre.
         deviation: Vector from there to the point.
         radius: Radius of the pulley.
         excess: E.
+        offset: d.
+        side: The sign s of the pulley's side.
+        e2: Second axis of the cross-section.
     """
-    distance = ufl.sqrt(ufl.dot(place + deviation, place + deviation))
-    return (excess - ufl.dot(deviation, 2 * place + deviation)) / (radius + distance)
+    r = place + deviation
+    touching, reach = r - offset * e2, side * radius + offset
+    more = excess - ufl.dot(deviation, 2 * place + deviation) - 2 * offset * (reach - ufl.dot(r, e2))
+    return more / (radius + ufl.sqrt(ufl.dot(touching, touching)))
 
 
 def excess_on_parabola(eta: Expr, *, ends: tuple[Expr, Expr], flat: Expr, skew: Expr, bulge: tuple[Expr, Expr]) -> Expr:

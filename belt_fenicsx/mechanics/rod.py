@@ -69,16 +69,50 @@ def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
     return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2
 
 
-def tractions(strain: Strains, D: Expr, *, radius: Expr, b1: Expr, b2: Expr) -> tuple[Expr, Expr]:
-    """Pressure and friction that keep the belt on a pulley to the right, with D constant; of UFL or of arrays.
+def kinetic_energy(strain: Strains, *, density: Expr, inertia: Expr) -> Expr:
+    """Kinetic energy per material length at unit transport rate, of the belt's velocity r' and spin theta'."""
+    return (density * ((1 + strain.eps) ** 2 + strain.Gamma**2) + inertia * strain.kappa**2) / 2
 
-    They are -Q'.n and -Q'.t (18.17) with phi' = -D/R, so that they need no more than theta'. The multipliers of the
-    pulley's conditions answer to second derivatives, of which short zones, and little friction, know too little.
+
+def tractions(
+    strain: Strains,
+    D: Expr,
+    *,
+    side: Expr,
+    radius: Expr,
+    a: Expr,
+    b1: Expr,
+    b2: Expr,
+    mass: Expr = 0,
+    offset: Expr = 0,
+    weight: tuple[Expr, Expr] = (0, 0),
+) -> tuple[Expr, Expr]:
+    """Pressure and friction that keep the belt on a pulley, with D constant; of UFL or of arrays.
+
+    With N = Q - rho A c^2 r' and q = f t + s p n, they follow from N' + q + rho A g = 0 (18.17) in the axes of the
+    cross-section and from psi' = kappa + s D/R, so that they need no more than theta'. The multipliers of the pulley's
+    conditions answer to second derivatives, of which short zones, and little friction, know too little.
+
+    Args:
+        strain: Strains of the middle line.
+        D: Stretch of the touching fibre.
+        side: The sign s: +1 for a pulley on the right of the belt, -1 for one on its left.
+        radius: R.
+        a: Bending stiffness, less rho I c^2.
+        b1: Extensional stiffness.
+        b2: Shear stiffness.
+        mass: rho A c^2.
+        offset: Distance d of the touching fibre from the middle line, towards -e2.
+        weight: rho A g in the axes of the cross-section.
     """
-    (eps, Gamma, kappa), along = strain, 1 + strain.eps
-    turn, psi_rate = -D / radius, kappa + D / radius
-    # At constant D, psi changes eps by Gamma and Gamma by -(1 + eps).
-    Qt, Qn = (b1 * eps * along + b2 * Gamma**2) / D, (b2 * along - b1 * eps) * Gamma / D
-    Qt_psi = (b1 * (along + eps) - 2 * b2 * along) * Gamma / D
-    Qn_psi = ((b2 - b1) * Gamma**2 - (b2 * along - b1 * eps) * along) / D
-    return -Qn_psi * psi_rate - turn * Qt, -Qt_psi * psi_rate + turn * Qn
+    eps, Gamma, kappa = strain
+    # Of the touching fibre, along and across the axis of the belt.
+    along = 1 + eps + offset * kappa
+    psi_rate = kappa + side * D / radius
+    N1, N2 = b1 * eps - mass * (1 + eps), (b2 - mass) * Gamma
+    # What changes the strain of the touching fibre bends the belt, too, by the moment of its traction.
+    lever = offset * (b1 - mass) / (a + offset**2 * (b1 - mass))
+    q1 = (1 - offset * lever) * (kappa * N2 - weight[0] - (b1 - mass) * Gamma * psi_rate)
+    q1 += lever * (Gamma * N1 - (1 + eps) * N2)
+    q2 = (b2 - mass) * along * psi_rate - kappa * N1 - weight[1]
+    return side * (q2 * along - q1 * Gamma) / D, (q1 * along + q2 * Gamma) / D

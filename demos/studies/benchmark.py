@@ -155,7 +155,7 @@ def against_size(repeats: int) -> list[Sized]:
             began = time.perf_counter()
             _, iterations = newton(()).solve(dimensionless, state, math.inf)
             times.append((time.perf_counter() - began) / iterations)
-        unknowns = iteration_on(state.mesh, DEGREE, True).condensed.table.count
+        unknowns = iteration_on(state.mesh, DEGREE, state.terms).condensed.table.count
         rows.append(Sized(FITTED, unknowns, median(times)))
     return rows
 
@@ -219,11 +219,15 @@ began = time.perf_counter()
 {timed}
 print(time.perf_counter() - began)
 """
-FORMS = ("from belt_fenicsx.fitted.forms import forms", "for degree in (4, 6, 8): forms(degree, True)")
+FORMS = (
+    "from belt_fenicsx.fitted.dofs import Terms; from belt_fenicsx.fitted.forms import forms",
+    "for degree in (4, 6, 8): forms(degree, Terms())",
+)
 FITTED_SET_UP = (
-    "from belt_fenicsx import Scene, solve\nfrom belt_fenicsx.fitted.newton import Iteration\n"
+    "from belt_fenicsx import Scene, solve\nfrom belt_fenicsx.fitted.dofs import Terms\n"
+    "from belt_fenicsx.fitted.newton import Iteration\n"
     "mesh = solve(Scene()).state.mesh",
-    "for degree in (4, 6, 8): Iteration(mesh, degree, True)",
+    "for degree in (4, 6, 8): Iteration(mesh, degree, Terms(), ())",
 )
 FIXED_SET_UP = (
     "from mpi4py import MPI\nfrom belt_fenicsx.lagrangian.forms import Problem",

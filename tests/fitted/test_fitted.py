@@ -13,7 +13,7 @@ import pytest
 from belt_fenicsx import bvp, solve
 from belt_fenicsx.fitted import forms as fitted_forms
 from belt_fenicsx.fitted import method as fitted
-from belt_fenicsx.fitted.dofs import local, table
+from belt_fenicsx.fitted.dofs import Terms, local, table
 from belt_fenicsx.fitted.elements import gauss_basis, nodal_basis, points
 from belt_fenicsx.fitted.forms import SWITCHES
 from belt_fenicsx.fitted.newton import Newton, iteration_on, newton, switches
@@ -45,7 +45,7 @@ def started(case=None, degree=3, elements=None):
 def iterated(dimensionless, state):
     """The iteration after it has converged from a state."""
     newton(()).solve(dimensionless, state, 1e-3)
-    return iteration_on(state.mesh, state.degree, dimensionless.pulleys[0].friction > 0.0)
+    return iteration_on(state.mesh, state.degree, state.terms)
 
 
 def test_sources_scene():
@@ -280,7 +280,7 @@ def test_sweep_compiles_nothing_after_its_first_scene(monkeypatch):
 
 def test_frictionless_belt_has_no_friction_unknowns_and_no_friction_in_its_forms():
     dimensionless, state = started(scene(friction=0.0))
-    without, with_friction = (table(state.mesh, 3, friction) for friction in (False, True))
+    without, with_friction = (table(state.mesh, 3, Terms(friction)) for friction in (False, True))
     assert without.count < with_friction.count
     assert np.all(without.numbers[:, local(3).f] == without.fixed)
     iteration = iterated(dimensionless, state)
@@ -341,7 +341,7 @@ def test_petsc_options_reach_snes():
 
 def test_no_step_lets_borders_cross(monkeypatch):
     dimensionless, state = started(scene(x_trans=0.2), degree=3)
-    iteration = iteration_on(state.mesh, 3, True)
+    iteration = iteration_on(state.mesh, 3, Terms())
     seen, residuals = [], iteration.residuals
 
     def watched():
@@ -399,13 +399,13 @@ def test_jacobian_is_the_residuals_derivative():
 def test_neighbours_share_their_node():
     _, state = started()
     left, right = local(3).nodal[:2]
-    numbers = table(state.mesh, 3, True).numbers
+    numbers = table(state.mesh, 3, Terms()).numbers
     np.testing.assert_array_equal(numbers[1:, left], numbers[:-1, right])
 
 
 def test_switches_say_where_each_border_condition_holds():
     _, state = started()
-    on = switches(state.mesh)
+    on = switches(state.mesh, Terms())
     up, trans, off = state.mesh.ends
     column = {name: on[..., index] for index, name in enumerate(SWITCHES)}
     assert np.argwhere(column["tangent"]).tolist() == [[up - 1, 1], [off, 0]]
