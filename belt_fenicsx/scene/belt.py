@@ -18,7 +18,11 @@ INERTIA: Mapping[str, Quantity] = {
     "line_density": Quantity(unit="kg/m", text="line density", force=1, rate=-2),
     "rotary_inertia": Quantity(unit="kg m", text="rotary inertia", length=2, force=1, rate=-2),
 }
-OFFSET = Quantity(unit="m", text="contact offset", length=1)
+# What a belt has besides, zero in the source.
+FURTHER: Mapping[str, Quantity] = {
+    "contact_offset": Quantity(unit="m", text="contact offset", length=1),
+    "curvature": Quantity(unit="1/m", text="stress-free curvature", length=-1),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,8 @@ class Belt:
         density: Mass per volume [kg/m^3]; zero for the source's quasi-static belt.
         contact_offset: Distance of the touching fibre from the middle line [m]: zero in the source's model, half of the
             thickness in a real belt.
+        curvature: Curvature of the belt without stress [1/m]. Between clamps of given angles and in a loop, it changes
+            the bending moment alone.
 
     Raises:
         SceneError: A value is not a finite number or out of its range.
@@ -46,6 +52,7 @@ class Belt:
     width: float = 0.1
     density: float = 0.0
     contact_offset: float = 0.0
+    curvature: float = 0.0
 
     def __post_init__(self) -> None:
         nu = number("poisson_ratio", self.poisson_ratio, "-")
@@ -60,6 +67,7 @@ class Belt:
             width=positive("width", self.width, "m"),
             density=not_negative("density", self.density, "kg/m^3"),
             contact_offset=not_negative("contact_offset", self.contact_offset, "m"),
+            curvature=number("curvature", self.curvature, "1/m"),
         )
         # Extreme factors may leave a product that is no longer a number above zero.
         _checked_stiffnesses(self)
@@ -102,6 +110,7 @@ class StiffnessBelt:
         line_density: Mass per material length rho A [kg/m].
         rotary_inertia: rho I per material length [kg m].
         contact_offset: Distance of the touching fibre from the middle line [m].
+        curvature: Curvature of the belt without stress [1/m].
 
     Raises:
         SceneError: A value is not a finite number, or out of its range.
@@ -114,6 +123,7 @@ class StiffnessBelt:
     line_density: float = 0.0
     rotary_inertia: float = 0.0
     contact_offset: float = 0.0
+    curvature: float = 0.0
 
     def __post_init__(self) -> None:
         inertia = {name: not_negative(name, getattr(self, name), quantity.unit) for name, quantity in INERTIA.items()}
@@ -121,6 +131,7 @@ class StiffnessBelt:
             self,
             length=positive("length", self.length, "m"),
             contact_offset=not_negative("contact_offset", self.contact_offset, "m"),
+            curvature=number("curvature", self.curvature, "1/m"),
             **_checked_stiffnesses(self),
             **inertia,
         )

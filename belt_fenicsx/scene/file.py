@@ -48,6 +48,7 @@ ABSENT: Mapping[str, Any] = {
     "density": 0.0,
     **dict.fromkeys(INERTIA, 0.0),
     "contact_offset": 0.0,
+    "curvature": 0.0,
     "side": "right",
     "drag": 0.0,
     "closed": False,

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from belt_fenicsx.scene.belt import INERTIA, OFFSET, STIFFNESSES, Belt, StiffnessBelt
+from belt_fenicsx.scene.belt import FURTHER, INERTIA, STIFFNESSES, Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError, Verbatim, number, pair, positive, store
 from belt_fenicsx.scene.consistency import check_drives, check_on_path
 from belt_fenicsx.scene.path import Path, near_angle, taut_path
@@ -189,7 +189,7 @@ class Scene:
             turn its answers into this scene's.
         """
         units = Units(length=self.belt.length, force=self.belt.extensional_stiffness, rate=self._rate_unit())
-        named = {**STIFFNESSES, **INERTIA, "contact_offset": OFFSET}
+        named = {**STIFFNESSES, **INERTIA, **FURTHER}
         belt = StiffnessBelt(
             length=1.0, **{name: getattr(self.belt, name) / quantity.scale(units) for name, quantity in named.items()}
         )

@@ -330,12 +330,12 @@ def _carried(scene: Scene, fields: Fields, rate: float) -> Array:
     """What the belt carries along at its ends: c times its change is the power that the clamps put in ``(2,)`` [N].
 
     With the energy L of strain less that of motion, N.r' + M* theta' - L + rhoA g.r changes by - q.r_c' alone: by the
-    power of friction on the fibre that touches.
+    power of friction on the fibre that touches. A stress-free curvature takes the same away at both ends.
     """
     ends = np.array([0, -1])
-    eps, Gamma, kappa, M = (getattr(fields, name)[ends] for name in ("eps", "Gamma", "kappa", "M"))
+    eps, Gamma, kappa = (getattr(fields, name)[ends] for name in ("eps", "Gamma", "kappa"))
     Q1, Q2 = fields.Q[ends].T
-    strained = Q1 * (1.0 + eps / 2) + (Q2 * Gamma + M * kappa) / 2
+    strained = Q1 * (1.0 + eps / 2) + (Q2 * Gamma + scene.belt.bending_stiffness * kappa**2) / 2
     belt, line_weight = scene.belt, scene.belt.line_density * np.array(scene.gravity)
     moving = rate**2 / 2 * (belt.line_density * ((1.0 + eps) ** 2 + Gamma**2) + belt.rotary_inertia * kappa**2)
     return strained - moving + fields.r[ends] @ line_weight

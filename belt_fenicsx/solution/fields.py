@@ -133,7 +133,7 @@ class Fields:
         if offset is not None:
             eps -= offset * kappa
         Q = np.column_stack([belt.extensional_stiffness * eps, belt.shear_stiffness * Gamma])
-        M = belt.bending_stiffness * kappa
+        M = belt.bending_stiffness * (kappa - belt.curvature)
         return cls(
             zone=zone, weight=weight, sigma=sigma, r=r, theta=theta, phi=phi, D=D, eps=eps, Gamma=Gamma, kappa=kappa,
             Q=Q, M=M, p=p, f=f, v_rel=v_rel,

@@ -202,6 +202,17 @@ def test_a_given_transport_rate_leaves_one_pulley_without_a_drive(solved):
     assert solution.contacts[0].torque == pytest.approx(known.contacts[0].torque, rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["two-gravity", "open-S"])
+def test_a_stress_free_curvature_changes_the_bending_moment_alone(name, solved):
+    scene, plain = drive(name), solved(name)
+    curved = bvp.solve(replace(scene, belt=replace(scene.belt, curvature=-3.0)), rtol=1e-10)
+    assert curved.success
+    moment = curved.fields.M - plain.fields.M
+    np.testing.assert_allclose(moment, 3.0 * scene.belt.bending_stiffness, rtol=1e-8)
+    np.testing.assert_allclose(numbers(curved), numbers(plain), rtol=1e-12)
+    np.testing.assert_allclose(curved.fields.kappa, plain.fields.kappa, rtol=1e-9, atol=1e-9)
+
+
 def test_euler_bernoulli_limit_of_the_run_off():
     """Without shear, the force F of a span turns by acos(1 - a / (2 F R^2)) where a belt leaves a pulley."""
     missed = []
