@@ -113,6 +113,8 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
     """
     limit, load = at_capacity(method.scene, index, sense)
     solve = method.at(limit)
+    if near is not None and load != index and not near[1].slides_behind(load):
+        raise Stopped(Status.NEWTON_DIVERGED, f"Pulley {index} slides all along, though no torque asks for it.")
     if near is None:
         state = solve.start()
     else:

@@ -231,6 +231,18 @@ def test_euler_bernoulli_limit_of_the_run_off():
     assert missed[2] < 2e-3
 
 
+@pytest.mark.parametrize("smooth", [0.0, 0.4], ids=["smooth", "rough"])
+def test_a_loop_without_loads_only_turns(smooth):
+    """Idlers alone, one of them without friction: the drive has nothing to do but to make up for what sliding takes."""
+    scene = drive("serpentine")
+    pulleys = [replace(p, torque=0.0) if p.torque is not None else p for p in scene.pulleys]
+    pulleys[1] = replace(pulleys[1], friction=smooth)
+    solution = bvp.solve(replace(scene, pulleys=tuple(pulleys)), throw=False)
+    assert solution.success, solution.message
+    largest = max(span.tension[1] for span in solution.spans) * scene.pulleys[0].radius
+    assert max(abs(contact.torque) for contact in solution.contacts) < 1e-6 * largest
+
+
 def test_growth_of_a_chain_of_pulleys_leaves_the_iterations(solved):
     """Rings of ever more pulleys take no more Newton iterations."""
     counts = []
