@@ -20,10 +20,12 @@ from mpi4py import MPI
 
 from belt_fenicsx.backend.ranks import agreed, on_first
 from belt_fenicsx.lagrangian.accuracy import shortcoming, with_errors
+from belt_fenicsx.lagrangian.drive_loop import DriveRun
 from belt_fenicsx.lagrangian.loop import NAME, Run, Task
 from belt_fenicsx.lagrangian.nodes import coarsen, node_positions
 from belt_fenicsx.lagrangian.problems import problems, taking_turns
 from belt_fenicsx.lagrangian.tolerances import Tolerances
+from belt_fenicsx.lagrangian.track import Track
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
@@ -77,11 +79,12 @@ def solve(
     def pose() -> tuple[Task, Units]:
         _check_drive(scene)
         plain, units = scene.dimensionless()
-        nodes = _nodes(scene, elements, mesh) / units.length
-        start = None
+        nodes = _nodes(scene, plain, units, elements, mesh)
+        start, rate = None, 1.0
         if initial is not None and initial.fields is not None:
-            start = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
-        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances), units
+            before = initial.scene.dimensionless()[1]
+            start, rate = initial.fields.in_units(before.inverse()), initial.transport_rate / before.rate
+        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances, rate), units
 
     def text(posed: tuple[Task, Units]) -> str:
         # Starts may differ by rounding, so that only whether there is one has to be the same on all ranks.
@@ -95,13 +98,26 @@ def solve(
 
 
 def _check_drive(scene: Scene) -> None:
-    pulley = scene.pulleys[0]
-    if pulley.drive.kind != "x_trans":
-        expected = f"be left out with the method {NAME}, which needs `x_trans`"
-        raise SceneError(f"pulleys.0.{pulley.drive.kind}", expected, pulley.drive.value)
+    for index, pulley in enumerate(scene.pulleys):
+        if pulley.take_up is not None:
+            expected = f"be left out with the method {NAME}, whose pulleys stand still"
+            raise SceneError(f"pulleys.{index}.take_up", expected, pulley.take_up)
 
 
-def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
+def _is_drive(scene: Scene) -> bool:
+    """Whether a scene is more than the source's, which has forms and a reading of its own."""
+    return not scene.is_published or scene.pulleys[0].drive.kind != "x_trans"
+
+
+def _nodes(scene: Scene, plain: Scene, units: Units, elements: int | None, mesh: Any) -> Array:
+    """Positions of the nodes ``(elements + 1,)`` in the belt's length; those of a loop as `Track` counts them."""
+    if _is_drive(scene) and mesh is None:
+        return Track.of(plain).nodes(plain, elements or ELEMENTS * len(scene.pulleys))
+    nodes = _positions(scene, elements, mesh) / units.length
+    return Track.of(plain).rolled(nodes) if scene.closed else nodes
+
+
+def _positions(scene: Scene, elements: int | None, mesh: Any) -> Array:
     """Positions of the nodes ``(elements + 1,)`` [m]."""
     if mesh is None:
         return np.linspace(-scene.belt.length / 2, scene.belt.length / 2, (elements or ELEMENTS) + 1)
@@ -112,14 +128,14 @@ def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
 
 def _solve_on_meshes(comm: MPI.Comm, task: Task) -> Solution:
     """The dimensionless solution on the last of the meshes that lead to it, with its estimated errors; collective."""
-    stages, solutions, start = Stages(), [], task.start
+    stages, solutions, start, rate = Stages(), [], task.start, task.rate
     for nodes in _coarser_meshes(task):
-        solution = _solve_on_ranks(comm, task._replace(nodes=nodes, start=start, rtol=task.tolerances.coarse_rtol))
+        solution = _solve_on_ranks(comm, task._replace(nodes=nodes, start=start, rate=rate, rtol=task.tolerances.coarse_rtol))
         stages += [replace(stage, name=f"{stage.name}, {len(nodes) - 1} elements") for stage in solution.stages]
         solutions.append(solution)
         if task.start is None:
-            start = solution.fields
-    solution = _solve_on_ranks(comm, task._replace(start=start))
+            start, rate = solution.fields, solution.transport_rate
+    solution = _solve_on_ranks(comm, task._replace(start=start, rate=rate))
     stages += solution.stages
     finest_first = [solution, *reversed(solutions[-HALVINGS:])]
     usable = list(itertools.takewhile(lambda other: other.status is Status.SOLVED, finest_first))
@@ -153,17 +169,20 @@ def _solve_on_ranks(comm: MPI.Comm, task: Task) -> Solution:
 
 
 def _solve_on_mesh(task: Task, comm: MPI.Comm) -> Solution:
-    stages, frictional = Stages(), task.scene.pulleys[0].friction > 0.0
-    with problems(comm.py2f()).using(task.elements, task.options, frictional=frictional) as problem:
+    stages, scene = Stages(), task.scene
+    frictional, drive = any(pulley.friction > 0.0 for pulley in scene.pulleys), _is_drive(scene)
+    closed = scene.closed if drive else None
+    with problems(comm.py2f()).using(task.elements, task.options, frictional=frictional, closed=closed) as problem:
         stages.ran("set-up", "forms and spaces")
-        return Run(problem, task, stages).solve()
+        return (DriveRun if drive else Run)(problem, task, stages).solve()
 
 
 def _judge(solution: Solution, nodes: Array, tolerances: Tolerances) -> Solution:
     """Certifies a solution, and takes the success back where the mesh is too coarse."""
     if solution.status is not Status.SOLVED:
         return solution
-    check_transition(solution.scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
+    if solution.scene.is_published:
+        check_transition(solution.scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
     solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance)
     message = shortcoming(solution, nodes, tolerances.largest_error)
     if not message:

@@ -38,7 +38,7 @@ class Penalties(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, size: float, scale: float = 1.0) -> Penalties:
         """The penalties for a scene and the size of its smallest element; ``scale`` is a factor on the full one."""
-        belt, radius = scene.belt, scene.pulleys[0].radius
+        belt, radius = scene.belt, min(pulley.radius for pulley in scene.pulleys)
         relaxed = 50.0 * belt.extensional_stiffness / radius**2
         size = max(size, FINEST * belt.length)
         full = max(relaxed, scale * 32.0 * belt.shear_stiffness / size**2)

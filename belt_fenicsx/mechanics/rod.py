@@ -21,7 +21,12 @@ class Strains(NamedTuple):
 
 def along(sigma: Expr) -> Derivative:
     """The derivative d/dsigma on a mesh of unit cells, sigma = sigma(eta)."""
-    return lambda field: field.dx(0) / sigma.dx(0)
+    return along_slope(sigma.dx(0))
+
+
+def along_slope(slope: Expr) -> Derivative:
+    """The same from the slope of sigma by the mesh's coordinate."""
+    return lambda field: field.dx(0) / slope
 
 
 def stretch(r: Expr, d_sigma: Derivative) -> Expr:
@@ -67,6 +72,14 @@ def elongation(q: tuple[Expr, Expr]) -> Expr:
 def strain_energy(strain: Strains, *, a: Expr, b1: Expr, b2: Expr) -> Expr:
     """Strain energy per material length, the integrand of (18.9)."""
     return (a * strain.kappa**2 + b1 * strain.eps**2 + b2 * strain.Gamma**2) / 2
+
+
+def kinetic_energy(r: Expr, theta: Expr, d_sigma: Derivative, *, mass: Expr, rotary: Expr) -> Expr:
+    """Energy of motion at the transport rate c per material length, with mass rho A c^2 and rotary rho I c^2.
+
+    What is varied is the strain energy less this one: steady motion is a shift of forces and moments.
+    """
+    return (mass * ufl.dot(d_sigma(r), d_sigma(r)) + rotary * d_sigma(theta) ** 2) / 2
 
 
 def tractions(strain: Strains, D: Expr, *, radius: Expr, b1: Expr, b2: Expr) -> tuple[Expr, Expr]:

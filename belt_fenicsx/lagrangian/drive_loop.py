@@ -1,0 +1,129 @@
+"""The augmented-Lagrangian method for general drives: the loop of `loop.Run`, with another begin and another update.
+
+3. c. On each pulley lambda_f <- lambda_f + P_f D' in stick, in the mean of each element and clipped to Coulomb's bound,
+      and -s mu lambda_p where the belt slides before the run-off, which reaches as far as the drive asks for (`grip`).
+   d. The growth of the belt's force on each pulley, and the transport rate, from speeds, torques and the belt's length.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from belt_fenicsx.lagrangian import drive_reading
+from belt_fenicsx.lagrangian.drive_forms import DriveState
+from belt_fenicsx.lagrangian.drive_guess import from_fields, from_track
+from belt_fenicsx.lagrangian.grip import Grip, Points, corrected, gripped, wanted
+from belt_fenicsx.lagrangian.loop import Run
+from belt_fenicsx.lagrangian.multipliers import Multipliers
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.solution.status import Status
+
+
+class DriveRun(Run):
+    """A task on its way through the steps, for any drive."""
+
+    def _begin(self) -> None:
+        scene, problem, fields = self.task.scene, self.problem, self.task.start
+        nodes, points = problem.nodes, problem.points
+        if fields is None:
+            guess = from_track(scene, problem.track, nodes, points)
+        else:
+            guess = from_fields(scene, fields, self.task.rate, nodes, points)
+        self.rate = guess.rate
+        problem.set_rate(self.rate)
+        problem.set_state(guess.values, guess.slopes)
+        self.multipliers = guess.multipliers
+        self.penalty = self.penalties.relaxed if fields is None else self.penalties.full
+        if fields is not None:
+            self.stages.skipped("relaxed", "there is an initial solution")
+            return
+        with self._stage("relaxed", "no initial solution was given"):
+            self._newton()
+            self._update(problem.state(), friction=0.0)
+
+    @property
+    def stiffness(self) -> float:
+        """What a force is per stretch, less what motion takes."""
+        return self.task.scene.belt.extensional_stiffness - self.problem.constants["mass"].value.item()
+
+    def _update(self, state: DriveState, friction: float) -> None:
+        """Steps 3b to 3d; measures the change of the multipliers, what drives miss, and the penetration."""
+        old, penalty = self.multipliers, np.minimum(self.penalty, self.limit)
+        p, f, missed = np.maximum(0.0, old.p + penalty * state.g), old.f, 0.0
+        if friction:
+            f, missed = self._friction(state, p, friction)
+        self.multipliers = Multipliers(p, f)
+        self._measure(state, old, penalty, missed)
+
+    def _friction(self, state: DriveState, p: Array, friction: float) -> tuple[Array, float]:
+        """Friction after an update, and by what force the drives are missed."""
+        scene, space, old = self.task.scene, self.problem.space, self.multipliers
+        d = self.problem.circles[state.pulley.astype(int), 3]
+        held = old.f + friction * state.dD
+        own = np.stack([state.weight, state.x + d * np.sin(state.theta), state.stretch, held, p, old.f, state.pulley])
+        table = space.gather(np.moveaxis(own, 0, -1).reshape(-1, len(own))).T.reshape(len(own), -1, state.x.shape[1])
+        *columns, before, number = table
+        on = [number[:, 0] == i for i in range(len(scene.pulleys))]
+        points = [Points(*(column[here] for column in columns)) for here in on]
+        for i, at in enumerate(points):
+            if not np.any(at.p > 0.0):
+                raise Stopped(Status.CONTACT_LOST, f"no Gauss point is in contact with pulley {i}")
+        growths = np.array([-np.sum(at.weight * before[here]) for at, here in zip(points, on, strict=True)])
+        forces: list[float | None] = [
+            None if pulley.drive.is_place else float(growth)
+            for pulley, growth in zip(scene.pulleys, growths, strict=True)
+        ]
+        grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
+        levels, gap = np.array([grip.level for grip in grips]), self._gap()
+        correction = corrected(
+            scene, levels, growths, self._lengths(points, grips), stiffness=self.stiffness, rate=self.rate, gap=gap
+        )
+        self.rate += correction.rate
+        self.problem.set_rate(self.rate)
+        for i, pulley in enumerate(scene.pulleys):
+            if pulley.drive.kind == "torque":
+                forces[i] = wanted(pulley, self.rate * levels[i])
+            elif forces[i] is not None:
+                forces[i] = float(growths[i] + correction.growths[i])
+        self.grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
+        f = np.empty_like(before)
+        for here, grip in zip(on, self.grips, strict=True):
+            f[here] = grip.f
+        first = space.comm.exscan(len(state.x)) or 0
+        missed = max(float(np.abs(correction.spans).max()), abs(gap))
+        return f[first : first + len(state.x)], missed
+
+    def _gap(self) -> float:
+        """By what the belt's force grows where a loop is held."""
+        if not self.problem.closed:
+            return 0.0
+        force = self.problem.space.comm.allreduce(self.problem.newton.reaction)
+        angle = self.problem.track.pieces[0].angle
+        return float(-force * (np.sin(angle) if self.problem.axis else np.cos(angle)))
+
+    def _lengths(self, points: list[Points], grips: list[Grip]) -> Array:
+        """Length of the belt that has the force of each span: that of the span, and what sticks behind it."""
+        count, closed = len(points), self.problem.closed
+        lengths = np.zeros(count if closed else count + 1)
+        for i, (at, grip) in enumerate(zip(points, grips, strict=True)):
+            before, after = ((i - 1) % count, i) if closed else (i, i + 1)
+            touching = np.flatnonzero(np.any(at.p > 0.0, axis=1))
+            cells, share = at.weight.sum(axis=1), np.average(grip.share, weights=at.weight, axis=1)
+            own = np.where(np.arange(len(cells)) > touching[-1], 1.0, share / 2.0)
+            own[: touching[0]] = 0.0
+            lengths[before] += cells @ (1.0 - own)
+            lengths[after] += cells @ own
+        return lengths
+
+    def _answer(self, state: DriveState) -> dict[str, Any]:
+        for i, grip in enumerate(self.grips):
+            if grip.lacking:
+                raise Stopped(Status.CAPACITY_EXCEEDED, f"pulley {i} slides all along")
+        table = self._gathered(state, self.problem.ends())
+        return drive_reading.answer(
+            self.task.scene, self.problem.track, DriveState(*table[:-2]), Multipliers(*table[-2:]), self.grips, self.rate
+        )

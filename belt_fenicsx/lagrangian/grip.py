@@ -1,0 +1,188 @@
+"""How friction holds a belt on its pulleys: where it sticks, where it slides, and what drives ask of both.
+
+On each pulley, the belt slides before the run-off as far as the force asks for that it leaves there: friction is at its
+bound over the last points of contact, of which the first one only by a share, so that a force is met to rounding on any
+mesh. Before, it keeps the stretch, within Coulomb's bound, which makes what slides at the run-up. So one signed number
+for each pulley, the growth of the belt's force on it, says all of its sliding, in either sense or in none.
+
+A torque says this number; a place or an angle says the sliding itself. A speed says the stretch in stick, which is that
+of the span before. By string theory, forces of the spans follow from those numbers: `Levels` corrects them until all
+drives are met, and with them the transport rate.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley
+from belt_fenicsx.scene.scene import Scene
+
+
+class Points(NamedTuple):
+    """What counts of the points along the belt that are nearest to one pulley ``(cells, points)``.
+
+    Attributes:
+        weight: Gauss weight, a material length.
+        x: Global coordinate x of the touching fibre.
+        stretch: Stretch of the touching fibre.
+        held: Friction that would keep the stretch.
+        p: Pressure.
+    """
+
+    weight: Array
+    x: Array
+    stretch: Array
+    held: Array
+    p: Array
+
+
+class Grip(NamedTuple):
+    """Friction on one pulley.
+
+    Attributes:
+        f: Friction at its points ``(cells, points)``.
+        share: Share of each point's part of its cell that slides before the run-off, from 0 to 1.
+        sense: Sense of this sliding; zero without any.
+        level: Stretch in stick, or at the transition.
+        lacking: Part of the wanted force that is beyond what friction can transmit.
+    """
+
+    f: Array
+    share: Array
+    sense: float
+    level: float
+    lacking: float = 0.0
+
+    @property
+    def slides(self) -> float:
+        """Whether anything slides before the run-off."""
+        return bool(np.any(self.share > 0.0))
+
+
+def gripped(pulley: Pulley, at: Points, force: float | None) -> Grip:
+    """Friction on a pulley on which the belt's force grows by so much; None where its sliding is given."""
+    bound = pulley.friction * at.p
+    held = np.clip(_mean(at.held, at.weight * (at.p > 0.0)), -bound, bound)
+    lacking = 0.0
+    if force is None:
+        sense = 1.0 if pulley.slip == "forward" else -1.0
+        share = _placed(pulley, at)
+    else:
+        sense, share, lacking = _sliding(at.weight * bound, at.weight * held, force)
+    f = (1.0 - share) * held - sense * share * bound
+    stuck = (at.p > 0.0) & (share == 0.0) & (np.abs(held) < bound)
+    if stuck.any():
+        level = float(np.average(at.stretch[stuck], weights=at.weight[stuck]))
+    else:
+        slid = np.flatnonzero((share > 0.0) & (at.p > 0.0))
+        level = float(at.stretch.ravel()[slid[0] if slid.size else np.argmax(at.p)])
+    return Grip(f, share, sense, level, lacking)
+
+
+def _mean(values: Array, weights: Array) -> Array:
+    """Mean over the points of each cell ``(cells, 1)``, see `multipliers`; zero where they have no weight."""
+    whole = np.sum(weights, axis=1, keepdims=True)
+    return np.sum(weights * values, axis=1, keepdims=True) / np.where(whole > 0.0, whole, 1.0)
+
+
+def _sliding(bound: Array, held: Array, force: float) -> tuple[float, Array, float]:
+    """Sense and share of the sliding with which the belt's force grows by so much, and what it lacks.
+
+    Args:
+        bound: The most that each point can hold.
+        held: What it holds in stick.
+        force: Growth of the force.
+    """
+    missing = force + held.sum()
+    sense = 1.0 if missing > 0.0 else -1.0
+    # What each point adds to the force once it slides, and what all points behind it add.
+    gain = np.maximum(bound + sense * held, 0.0).ravel()
+    behind = gain.sum() - np.cumsum(gain)
+    share = np.clip((abs(missing) - behind) / np.where(gain > 0.0, gain, 1.0), 0.0, 1.0)
+    share[gain == 0.0] = 0.0
+    return sense, share.reshape(bound.shape), max(0.0, abs(missing) - float(gain.sum()))
+
+
+def _placed(pulley: Pulley, at: Points) -> Array:
+    """The share of sliding at a given place, or within a given angle before the run-off."""
+    if pulley.x_trans in (RUN_UP, RUN_OFF):
+        return np.full_like(at.x, float(pulley.x_trans == RUN_UP))
+    width = at.weight * at.stretch
+    if isinstance(pulley.x_trans, float):
+        # The belt passes the place in the sense of x, or against it where it lies below the pulley.
+        touching = np.flatnonzero(at.p > 0.0)
+        x = at.x.ravel()
+        onwards = 1.0 if touching.size < 2 or x[touching[-1]] > x[touching[0]] else -1.0
+        slope = np.gradient(x, np.cumsum(width.ravel())).reshape(at.x.shape)
+        return np.clip(onwards * (at.x - pulley.x_trans) / (width * np.abs(slope)) + 0.5, 0.0, 1.0)
+    angle = (width * (at.p > 0.0) / pulley.radius).ravel()
+    behind = angle.sum() - np.cumsum(angle)
+    share = np.clip((pulley.drive.by("slip_angle") - behind) / np.where(angle > 0.0, angle, 1.0), 0.0, 1.0)
+    return np.where(angle > 0.0, share, 0.0).reshape(at.x.shape)
+
+
+class Levels(NamedTuple):
+    """Corrections of the forces in the spans, by string theory.
+
+    Attributes:
+        spans: Those of the spans ``(spans,)``.
+        growths: Those of the growth of the belt's force on each pulley ``(pulleys,)``.
+        rate: That of the transport rate.
+    """
+
+    spans: Array
+    growths: Array
+    rate: float
+
+
+def corrected(
+    scene: Scene, levels: Array, growths: Array, lengths: Array, *, stiffness: float, rate: float, gap: float
+) -> Levels:
+    """What corrects the forces in the spans, so that all drives are met.
+
+    The unknowns are the corrections of the spans' forces and of the transport rate. Each drive has one equation, and so
+    have a given transport rate, and the belt's length.
+
+    Args:
+        scene: The dimensionless scene.
+        levels: Stretch in stick on each pulley ``(pulleys,)``.
+        growths: Growth of the belt's force on each pulley ``(pulleys,)``.
+        lengths: Length of the belt that has the force of each span ``(spans,)``.
+        stiffness: What a force is per stretch.
+        rate: Transport rate.
+        gap: By what the force grows where a loop is held, which is nothing in the end.
+    """
+    count, spans = len(scene.pulleys), len(lengths)
+    rows, right = [np.append(lengths, 0.0)], [0.0]
+    if scene.transport_rate is not None:
+        rows.append(np.append(np.zeros(spans), 1.0))
+        right.append(scene.transport_rate - rate)
+    grown = np.zeros((count, spans + 1))
+    extra = np.zeros(count)
+    extra[-1] = gap if scene.closed else 0.0
+    for i, pulley in enumerate(scene.pulleys):
+        before, after = ((i - 1) % count, i) if scene.closed else (i, i + 1)
+        grown[i, before] -= 1.0
+        grown[i, after] += 1.0
+        row = np.zeros(spans + 1)
+        match pulley.drive.kind:
+            case "omega":
+                row[[before, -1]] = rate / stiffness, levels[i]
+                rows.append(row)
+                right.append(pulley.surface_speed - rate * levels[i])
+            case "torque":
+                rows.append(grown[i])
+                right.append(wanted(pulley, rate * levels[i]) - growths[i] - extra[i])
+            case "x_trans" | "slip_angle":
+                rows.append(grown[i])
+                right.append(-extra[i])
+    found = np.linalg.solve(np.array(rows), np.array(right))
+    return Levels(found[:-1], grown @ found + extra, float(found[-1]))
+
+
+def wanted(pulley: Pulley, speed: float) -> float:
+    """Growth of the belt's force on a pulley with a given torque, at a speed of its surface."""
+    return (pulley.drive.by("torque") + pulley.drag * speed / pulley.radius) / pulley.radius
