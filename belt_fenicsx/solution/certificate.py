@@ -16,7 +16,7 @@ from belt_fenicsx.scene.path import taut_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import at_ends, beside, fibre, force, points_on
+from belt_fenicsx.solution.reading import at_ends, beside, fibre, force, points_on, weighed
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ def _balances(solution: Solution, fields: Fields, allowed: float) -> Iterator[Ch
     origin, N = complex(*solution.contacts[0].center), force(scene, fields, rate)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
     arm, M = places(fields.r) - origin, fields.M - scene.belt.rotary_inertia * rate**2 * fields.kappa
-    forces, moments = at_ends(scene, zones, fields, np.array([N, M + (arm.conj() * N).imag]))
+    forces, moments = at_ends(zones, fields, np.array([N, M + (arm.conj() * N).imag]), weighed(scene, fields, origin))
     tension = float(np.abs(places(fields.Q)).max())
     for contact in solution.contacts:
         pulley, center = scene.pulleys[contact.pulley], complex(*contact.center)

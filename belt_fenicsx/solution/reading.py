@@ -64,7 +64,8 @@ def contacts_and_spans(
     if borders is None:
         borders = _borders(scene, [zone.pulley for zone in zones], fields, points)
     ends, phi, parts = borders.tolist(), fields.phi[points].tolist(), _slices(points)
-    N = at_ends(scene, zones, fields, force(scene, fields, rate)).tolist()
+    heavy = weighed(scene, fields)
+    N = at_ends(zones, fields, force(scene, fields, rate), None if heavy is None else heavy[0]).tolist()
     line_weight = scene.belt.line_density * complex(*scene.gravity)
     slid = fields.weight * np.abs(fields.f * fields.v_rel)
     contacts = []
@@ -134,26 +135,44 @@ def end_points(fields: Fields, zones: int) -> Array:
     return np.column_stack([starts[:-1], starts[1:] - 1])
 
 
-def at_ends(scene: Scene, zones: Sequence[Zone], fields: Fields, values: Array) -> Array:
+def at_ends(zones: Sequence[Zone], fields: Fields, values: Array, weighed: Array | None) -> Array:
     """What loads alone change, at both ends of each zone ``(..., len(zones), 2)``.
 
-    In a free span without gravity it is constant; its mean is what a fixed mesh holds in equilibrium where it does not
-    resolve the layers.
+    In a free span it is constant but for the weight; its mean is what a fixed mesh holds in equilibrium where it does
+    not resolve the layers.
 
     Args:
-        scene: The scene.
         zones: All zones.
         fields: The fields.
         values: Values at the points ``(..., n)``.
+        weighed: What the weight has taken from them on the way there ``(..., n)``; None without weight.
     """
     points = end_points(fields, len(zones))
     found = values[..., points]
-    if not any(scene.gravity):
-        for i, part in enumerate(_slices(points)):
-            if zones[i].pulley is None:
-                weight = fields.weight[part]
+    for i, part in enumerate(_slices(points)):
+        if zones[i].pulley is None:
+            weight = fields.weight[part]
+            if weighed is None:
                 found[..., i, :] = (values[..., part] @ weight / weight.sum())[..., None]
+            else:
+                kept = (values + weighed)[..., part] @ weight / weight.sum()
+                found[..., i, :] = kept[..., None] - weighed[..., points[i]]
     return found
+
+
+def weighed(scene: Scene, fields: Fields, origin: complex = 0j) -> Array | None:
+    """Force of the weight, and its moment about a point, summed up along the belt ``(2, n)``; None without weight.
+
+    The places of the belt are integrated as cubics between the points.
+    """
+    line_weight = scene.belt.line_density * complex(*scene.gravity)
+    if not line_weight:
+        return None
+    arm, steps = places(fields.r) - origin, np.diff(fields.sigma)
+    slope = (1.0 + fields.eps + 1j * fields.Gamma) * np.exp(1j * fields.theta)
+    pieces = steps * (arm[1:] + arm[:-1]) / 2.0 - steps**2 * np.diff(slope) / 12.0
+    lever = np.append(0.0, np.cumsum(pieces))
+    return np.array([line_weight * fields.sigma, (lever.conj() * line_weight).imag])
 
 
 def beside(scene: Scene, zones: Sequence[Zone], ends: Any, pulley: int) -> tuple[Any, Any]:
