@@ -22,6 +22,8 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
+RELAXED = 2  # Updates with the relaxed penalty.
+
 
 class DriveRun(Run):
     """A task on its way through the steps, for any drive."""
@@ -42,8 +44,11 @@ class DriveRun(Run):
             self.stages.skipped("relaxed", "there is an initial solution")
             return
         with self._stage("relaxed", "no initial solution was given"):
-            self._newton()
-            self._update(problem.state(), friction=0.0)
+            friction = self.penalties.friction if problem.frictional else 0.0
+            # Friction changes the belt the most when it comes, and Newton's iteration follows best while P is small.
+            for _ in range(RELAXED):
+                self._newton()
+                self._update(problem.state(), friction)
 
     @property
     def stiffness(self) -> float:

@@ -42,7 +42,7 @@ ELEMENTS = 100
 
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.
 HALVINGS, COARSEST = 2, 8
-# A mesh of more than FINE nodes starts from one of fewer elements by the factor COARSENING. From the string, Newton's
+# A mesh of more than FINE nodes for each pulley starts from one of fewer elements by the factor COARSENING. From the string, Newton's
 # iteration would have to move the borders over many small elements; from a coarser mesh over few.
 FINE, COARSENING = 200, 4
 
@@ -154,7 +154,7 @@ def _coarser_meshes(task: Task) -> list[Array]:
     # With a start as good as another mesh's, each further mesh is one more to pay for.
     while len(meshes) <= (HALVINGS if task.start is None else 1) and len(meshes[0]) > 2 * COARSEST:
         meshes.insert(0, coarsen(meshes[0], 2))
-    while task.start is None and len(meshes[0]) > FINE:
+    while task.start is None and len(meshes[0]) > FINE * len(task.scene.pulleys):
         meshes.insert(0, coarsen(meshes[0], COARSENING))
     return meshes[:-1]
 
