@@ -34,7 +34,8 @@ class DriveState(NamedTuple):
         dx: x'.
         dy: y'.
         kappa: theta'.
-        stretch: Stretch of the fibre that would touch the nearest pulley.
+        stretch: Stretch of the fibre that would touch the nearest pulley; its mean at both ends of a cell, where it is
+            the same all along in stick.
         dD: Its derivative.
         g: Penetration into the nearest pulley, negative outside.
         pulley: Index of the nearest pulley.
@@ -169,17 +170,26 @@ class DriveProblem:
     def state(self) -> DriveState:
         """The present state at the Gauss points of the owned cells ``(cells, points)``."""
         *place, dD = np.moveaxis(self.space.at_gauss(self._state), -1, 0)
-        return self._state_at(self.points, self.weights, tuple(place), dD, self.pulleys[:, np.newaxis])
+        # What D grows by in each cell is known better than from two points, whose errors would add up in stick.
+        before, after = (self._at_nodes(at, self.pulleys).stretch for at in (slice(None, -1), slice(1, None)))
+        grown = after - before - np.sum(self.weights * dD, axis=1)
+        dD = dD + (grown / self.weights.sum(axis=1))[:, np.newaxis]
+        state = self._state_at(self.points, self.weights, tuple(place), dD, self.pulleys[:, np.newaxis])
+        return state._replace(stretch=np.broadcast_to((before + after)[:, np.newaxis] / 2.0, dD.shape))
 
     def ends(self) -> DriveState:
         """The present state at the belt's ends that this rank has, without weight ``(n,)``."""
         first, last = self.space.first == 0, self.space.first + len(self.nodes) - 1 == self.elements
-        at = [0] * first + [len(self.nodes) - 1] * last
+        at = np.array([0] * first + [len(self.nodes) - 1] * last, dtype=int)
+        return self._at_nodes(at, self.pulleys[at - (at > 0)])
+
+    def _at_nodes(self, at: Any, pulley: Array) -> DriveState:
+        """The present state at this rank's nodes, without weight, as seen from pulleys ``(n,)``."""
         values, slopes = self.space.nodal()[:, at]
         values[:, 2] += self.track.winding * self._share_at[at]
         slopes[:, 2] += self.track.winding / self.elements
-        place, zero = (*values.T, *(slopes / self.slopes[at, np.newaxis]).T), np.zeros(len(at))
-        return self._state_at(self.nodes[at], zero, place, zero, np.array(self.pulleys[[0] * first + [-1] * last]))
+        place, zero = (*values.T, *(slopes / self.slopes[at, np.newaxis]).T), np.zeros(len(pulley))
+        return self._state_at(self.nodes[at], zero, place, zero, pulley)
 
     def _state_at(self, sigma: Array, weight: Array, place: tuple[Array, ...], dD: Array, pulley: Array) -> DriveState:
         """A state from x, y, theta and their derivatives by sigma."""
