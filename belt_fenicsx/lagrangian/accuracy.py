@@ -29,6 +29,8 @@ SAFETY = {3: 2.0, 2: 4.0}
 # An element resolves a layer if it is at most this number of the layer's lengths long. Measured on random scenes: with
 # elements of 0.5, 1, 2 and 4 bending layers the clamp moment is 0.15, 0.9, 4 and 18 % off; with elements of more than 8
 # shear layers the torque often is, by more than a tenth.
+# A contact has so many elements at least.
+FEWEST = 4
 LONGEST = {"bending": 1.5, "shear": 8.0}
 
 
@@ -167,6 +169,16 @@ def shortcoming(solution: Solution, nodes: Array, largest_error: float) -> str:
             f"{layer.longest:.3g} m at most: {math.ceil((nodes[-1] - nodes[0]) / layer.longest)} equal elements, or a "
             "mesh that is finer there."
         )
+    lengths = [(c.zones[-1].sigma[1] - c.zones[0].sigma[0], c) for c in solution.contacts]
+    for length, contact in lengths:
+        middle = (contact.zones[0].sigma[0] + contact.zones[-1].sigma[1]) / 2.0
+        element = float(np.interp(middle, (nodes[1:] + nodes[:-1]) / 2.0, np.diff(nodes)))
+        if length < FEWEST * element:
+            wanted = math.ceil(FEWEST * element / length * (len(nodes) - 1))
+            return (
+                f"The contact with pulley {contact.pulley} is {length:.3g} m long, fewer than {FEWEST} elements of "
+                f"{element:.3g} m: {wanted} elements would do."
+            )
     sticking = [c for c in solution.contacts if _sticks(solution.scene.pulleys[c.pulley])]
     if any(all(zone.kind != "stick" for zone in contact.zones) for contact in sticking):
         longest = float(np.diff(nodes).max())

@@ -7,18 +7,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from belt_fenicsx.lagrangian import drive_reading
+from belt_fenicsx.lagrangian.accuracy import FEWEST
 from belt_fenicsx.lagrangian.drive_forms import DriveState
 from belt_fenicsx.lagrangian.drive_guess import from_fields, from_track
 from belt_fenicsx.lagrangian.grip import Grip, Points, corrected, gripped, wanted
 from belt_fenicsx.lagrangian.loop import Run
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
@@ -58,9 +61,8 @@ class DriveRun(Run):
     def _update(self, state: DriveState, friction: float) -> None:
         """Steps 3b to 3d; measures the change of the multipliers, what drives miss, and the penetration."""
         old, penalty = self.multipliers, np.minimum(self.penalty, self.limit)
-        p, f, missed = np.maximum(0.0, old.p + penalty * state.g), old.f, 0.0
-        if friction:
-            f, missed = self._friction(state, p, friction)
+        p = np.maximum(0.0, old.p + penalty * state.g)
+        f, missed = self._friction(state, p, friction)
         self.multipliers = Multipliers(p, f)
         self._measure(state, old, penalty, missed)
 
@@ -101,6 +103,24 @@ class DriveRun(Run):
         first = space.comm.exscan(len(state.x)) or 0
         missed = max(float(np.abs(correction.spans).max()), abs(gap))
         return f[first : first + len(state.x)], missed
+
+    def _end(self, status: Status, *, message: str = "", **answer: Any) -> Solution:
+        return super()._end(status, message=message if answer else f"{message}{self._too_short()}", **answer)
+
+    def _too_short(self) -> str:
+        """What is said of a mesh on which the taut belt touches some pulley with few elements."""
+        track, nodes = self.problem.track, self.task.nodes
+        elements, lengths = [], []
+        for start, end in ((track.ends[i], track.ends[i + 1]) for i in track.touching):
+            middles = (nodes[1:] + nodes[:-1]) / 2.0
+            elements.append(float(np.interp((start + end) / 2.0, middles, np.diff(nodes))))
+            lengths.append(float(end - start))
+        counts = np.array(lengths) / np.array(elements)
+        pulley = int(np.argmin(counts))
+        if counts[pulley] >= FEWEST:
+            return ""
+        wanted = math.ceil(FEWEST / counts[pulley] * self.task.elements)
+        return f"; the taut belt has {counts[pulley]:.2g} elements on pulley {pulley}, {wanted} of all would do there"
 
     def _gap(self) -> float:
         """By what the belt's force grows where a loop is held."""

@@ -103,7 +103,9 @@ def _sliding(bound: Array, held: Array, force: float) -> tuple[float, Array, flo
     behind = gain.sum() - np.cumsum(gain)
     share = np.clip((abs(missing) - behind) / np.where(gain > 0.0, gain, 1.0), 0.0, 1.0)
     share[gain == 0.0] = 0.0
-    return sense, share.reshape(bound.shape), max(0.0, abs(missing) - float(gain.sum()))
+    # Where nothing is pressed on, or without friction, no force is asked for in earnest.
+    lacking = abs(missing) - float(gain.sum()) if gain.any() else 0.0
+    return sense, share.reshape(bound.shape), max(0.0, lacking)
 
 
 def _placed(pulley: Pulley, at: Points) -> Array:
