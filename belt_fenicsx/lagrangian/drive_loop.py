@@ -26,6 +26,7 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 
 RELAXED = 2  # Updates with the relaxed penalty.
+PATIENCE = 20  # Updates with the full one in which friction may lack force.
 
 
 class DriveRun(Run):
@@ -33,6 +34,7 @@ class DriveRun(Run):
 
     def _begin(self) -> None:
         scene, problem, fields = self.task.scene, self.problem, self.task.start
+        self.lacking = 0
         nodes, points = problem.nodes, problem.points
         if fields is None:
             guess = from_track(scene, problem.track, nodes, points)
@@ -97,6 +99,7 @@ class DriveRun(Run):
             elif forces[i] is not None:
                 forces[i] = float(growths[i] + correction.growths[i])
         self.grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
+        self._stop_beyond_capacity()
         f = np.empty_like(before)
         for here, grip in zip(on, self.grips, strict=True):
             f[here] = grip.f
@@ -104,8 +107,10 @@ class DriveRun(Run):
         missed = max(float(np.abs(correction.spans).max()), abs(gap))
         return f[first : first + len(state.x)], missed
 
-    def _end(self, status: Status, *, message: str = "", **answer: Any) -> Solution:
-        return super()._end(status, message=message if answer else f"{message}{self._too_short()}", **answer)
+    def _end(self, status: Status, **answer: Any) -> Solution:
+        if "fields" not in answer:
+            answer["message"] += self._too_short()
+        return super()._end(status, **answer)
 
     def _too_short(self) -> str:
         """What is said of a mesh on which the taut belt touches some pulley with few elements."""
@@ -144,10 +149,19 @@ class DriveRun(Run):
             lengths[after] += cells @ own
         return lengths
 
+    def _stop_beyond_capacity(self) -> None:
+        """Stops where friction has lacked force for many updates.
+
+        Raises:
+            Stopped: It has.
+        """
+        lacking = [i for i, grip in enumerate(self.grips) if grip.lacking]
+        self.lacking = self.lacking + 1 if lacking and self.penalty == self.penalties.full else 0
+        if self.lacking == PATIENCE:
+            text = "the belt slides all along pulley {}, and friction still lacks force"
+            raise Stopped(Status.CAPACITY_EXCEEDED, text.format(" and ".join(map(str, lacking))))
+
     def _answer(self, state: DriveState) -> dict[str, Any]:
-        for i, grip in enumerate(self.grips):
-            if grip.lacking:
-                raise Stopped(Status.CAPACITY_EXCEEDED, f"pulley {i} slides all along")
         table = self._gathered(state, self.problem.ends())
         return drive_reading.answer(
             self.task.scene, self.problem.track, DriveState(*table[:-2]), Multipliers(*table[-2:]), self.grips, self.rate

@@ -180,9 +180,9 @@ def _on_pulley(
     share = grip.share.ravel()
     held = np.where(np.abs(f) < pulley.friction * p, STICKS, np.where(f < 0.0, FORWARD, BACKWARD))
     kinds = _absorbed(np.where(share >= 0.5, SLIDES, held)[first : last + 1])
-    # The points' parts of their cells begin here.
+    # Where the points' parts of their cells end; the first cell begins half of its length before its middle.
     weight = state.weight[on]
-    edges = state.sigma[on[0]] - weight[0] + np.cumsum(weight)
+    edges = (state.sigma[on[0]] + state.sigma[on[1]]) / 2.0 - weight[0] + np.cumsum(weight)
     bounds = [*(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(kinds)]
     for end in bounds:
         kind, point = int(kinds[end - 1]), first + end
