@@ -141,7 +141,7 @@ class DriveProblem:
             function.x.scatter_forward()
         if self.closed:
             # A loop is free to run round; one component of one place keeps it where it is.
-            self.axis = int(abs(np.sin(self.track.pieces[0].angle)) > abs(np.cos(self.track.pieces[0].angle)))
+            self.axis = int(abs(self.track.direction[1]) > abs(self.track.direction[0]))
             self.newton.fix(space.first_node(self.axis))
 
     def set_rate(self, rate: float) -> None:
@@ -198,4 +198,5 @@ class DriveProblem:
         cos, sin = np.cos(theta), np.sin(theta)
         g = radius - np.hypot(x + d * sin - xc, y - d * cos - yc)
         D = np.hypot(dx + d * kappa * cos, dy + d * kappa * sin)
-        return DriveState(sigma, weight, *place, D, dD, g, np.broadcast_to(pulley, x.shape).astype(float))
+        number = np.broadcast_to(pulley, x.shape).astype(float)
+        return DriveState(sigma, weight, x, y, theta, dx, dy, kappa, D, dD, g, number)

@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from belt_fenicsx.lagrangian import drive_reading
 from belt_fenicsx.lagrangian.accuracy import FEWEST
@@ -132,8 +131,7 @@ class DriveRun(Run):
         if not self.problem.closed:
             return 0.0
         force = self.problem.space.comm.allreduce(self.problem.newton.reaction)
-        angle = self.problem.track.pieces[0].angle
-        return float(-force * (np.sin(angle) if self.problem.axis else np.cos(angle)))
+        return -float(force) * self.problem.track.direction[self.problem.axis]
 
     def _lengths(self, points: list[Points], grips: list[Grip]) -> Array:
         """Length of the belt that has the force of each span: that of the span, and what sticks behind it."""
@@ -148,6 +146,9 @@ class DriveRun(Run):
             lengths[before] += cells @ (1.0 - own)
             lengths[after] += cells @ own
         return lengths
+
+    def _at_rest(self, iterations: int) -> bool:
+        return super()._at_rest(iterations) and not self.lacking
 
     def _stop_beyond_capacity(self) -> None:
         """Stops where friction has lacked force for many updates.
@@ -164,5 +165,10 @@ class DriveRun(Run):
     def _answer(self, state: DriveState) -> dict[str, Any]:
         table = self._gathered(state, self.problem.ends())
         return drive_reading.answer(
-            self.task.scene, self.problem.track, DriveState(*table[:-2]), Multipliers(*table[-2:]), self.grips, self.rate
+            self.task.scene,
+            self.problem.track,
+            DriveState(*table[:-2]),
+            Multipliers(*table[-2:]),
+            self.grips,
+            self.rate,
         )

@@ -15,13 +15,13 @@ from belt_fenicsx.lagrangian.grip import Grip
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.lagrangian.reading import SHORTEST_RUN
 from belt_fenicsx.lagrangian.track import Track
-from belt_fenicsx.layout.arrays import Array, places
+from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import FREE, Part, sliding
+from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Zone
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.reading import contacts_and_spans
-
 
 # What friction does at a point in contact: it sticks, it is at its bound in one of two senses, or it slides before the
 # run-off, as the drive asks for.
@@ -34,12 +34,35 @@ class Run(NamedTuple):
     Attributes:
         part: What it does.
         end: Where it ends, in the material-length coordinate.
-        points: Number of the first point behind it.
+        next: Number of the first point behind it.
     """
 
     part: Part
     end: float
-    points: int
+    next: int
+
+
+class Points(NamedTuple):
+    """The points of the belt in the order in which they are told, arrays ``(n,)``: see `DriveState`."""
+
+    sigma: Array
+    x: Array
+    y: Array
+    theta: Array
+    dx: Array
+    dy: Array
+    kappa: Array
+    p: Array
+    f: Array
+    weight: Array
+    zone: Array
+
+    @property
+    def path(self) -> CubicHermiteSpline:
+        """x, y and theta as functions of sigma."""
+        single = np.append(True, np.diff(self.sigma) > 0.0)
+        values, slopes = (np.column_stack(self[first : first + 3])[single] for first in (1, 4))
+        return CubicHermiteSpline(self.sigma[single], values, slopes)
 
 
 def answer(
@@ -58,152 +81,141 @@ def answer(
     runs: list[Run] = []
     for i, grip in enumerate(grips):
         on = np.flatnonzero((state.pulley == i) & (state.weight > 0.0))
-        runs += _on_pulley(scene, i, on, state, multipliers, grip)
+        runs += _on_pulley(scene.pulleys[i], i, on, state, multipliers, grip)
     runs.append(Run(FREE, 0.5, len(state.sigma)))
-    zone = np.searchsorted([run.points for run in runs], np.arange(len(state.sigma)), side="right")
-    points = np.column_stack([state.sigma, *state[2:8], *multipliers, state.weight, zone])
-    shift = 0.0
+    zone = np.searchsorted([run.next for run in runs], np.arange(len(state.sigma)), side="right").astype(float)
+    points = Points(state.sigma, *state[2:8], *multipliers, state.weight, zone)
     if scene.closed:
-        start = runs[0].end
-        points = _from_run_up(points, start, track.winding)
-        # The part before the first run-up is that behind the last run-off.
-        points[:, -1] = np.where(points[:, -1] == 0, len(runs) - 1, points[:, -1]) - 1
-        runs = [*runs[1:-1], Run(FREE, start + 1.0, len(points))]
-        shift = -0.5 - start
-    parts, ends = [run.part for run in runs], np.array([run.end for run in runs]) + shift
-    sigma, zone = points[:, 0] + shift, points[:, -1].astype(int)
-    return _read(scene, parts, np.append(-0.5, ends), zone, sigma, points[:, 1:-1], grips, rate)
+        points, runs = _from_run_up(points, runs, track.winding)
+    ends = np.array([-0.5, *(run.end for run in runs)])
+    return _read(scene, [run.part for run in runs], ends, points, grips, rate)
 
 
 def _read(
-    scene: Scene,
-    parts: list[Part],
-    ends: Array,
-    zone: Array,
-    sigma: Array,
-    columns: Array,
-    grips: Sequence[Grip],
-    rate: float,
+    scene: Scene, parts: Sequence[Part], ends: Array, points: Points, grips: Sequence[Grip], rate: float
 ) -> dict[str, Any]:
-    x, y, theta, dx, dy, kappa, p, f, weight = columns.T
-    turns = np.array([scene.pulleys[part.pulley].turn if part.touches else 0.0 for part in parts])
-    offsets = turns * scene.belt.contact_offset
-    d = offsets[zone]
-    cos, sin = np.cos(theta), np.sin(theta)
-    along, across = dx * cos + dy * sin + d * kappa, dy * cos - dx * sin
+    """What `answer` gives, from the parts of the belt and their ends ``(len(parts) + 1,)``."""
     omegas = tuple(
         pulley.drive.by("omega") if pulley.drive.kind == "omega" else rate * grip.level / pulley.radius
         for pulley, grip in zip(scene.pulleys, grips, strict=True)
     )
-    surface = np.array([scene.pulleys[part.pulley].radius * omegas[part.pulley] if part.touches else 0.0 for part in parts])
+    touched = [scene.pulleys[part.pulley] if part.touches else None for part in parts]
+    offsets = np.array([pulley.turn * scene.belt.contact_offset if pulley else 0.0 for pulley in touched])
+    surfaces = [
+        pulley.radius * omegas[part.pulley] if pulley else 0.0 for part, pulley in zip(parts, touched, strict=True)
+    ]
+    zone = points.zone.astype(int)
+    cos, sin, d = np.cos(points.theta), np.sin(points.theta), offsets[zone]
+    along = points.dx * cos + points.dy * sin + d * points.kappa
+    across = points.dy * cos - points.dx * sin
     D = np.hypot(along, across)
     fields = Fields.from_state(
-        scene.belt, zone=zone, weight=weight, sigma=sigma, r=np.column_stack([x, y]), theta=theta,
-        phi=theta + np.arctan2(across, along), D=D, kappa=kappa, p=p, f=f, v_rel=rate * D - surface[zone],
-        offset=d if scene.belt.contact_offset else None,
+        scene.belt, zone=zone, weight=points.weight, sigma=points.sigma, r=np.column_stack([points.x, points.y]),
+        theta=points.theta, phi=points.theta + np.arctan2(across, along), D=D, kappa=points.kappa, p=points.p,
+        f=points.f, v_rel=rate * D - np.array(surfaces)[zone], offset=d if scene.belt.contact_offset else None,
     )  # fmt: skip
-    single = np.append(True, np.diff(sigma) > 0.0)
-    spline = CubicHermiteSpline(
-        sigma[single], np.column_stack([x, y, theta])[single], np.column_stack([dx, dy, kappa])[single]
-    )
-    at = np.column_stack([ends[:-1], ends[1:]])
-    values = spline(at.ravel()).reshape(len(parts), 2, 3)
-    borders = values[..., 0] + 1j * values[..., 1] - 1j * offsets[:, None] * np.exp(1j * values[..., 2])
+    sigma = np.column_stack([ends[:-1], ends[1:]])
+    x, y, theta = np.moveaxis(points.path(sigma), -1, 0)
+    borders = x + 1j * y - 1j * offsets[:, np.newaxis] * np.exp(1j * theta)
     zones = tuple(
-        Zone(
-            kind=part.kind,
-            slip=part.slip,
-            pulley=part.pulley if part.touches else None,
-            sigma=tuple(at[i].tolist()),
-            x=tuple(borders[i].real.tolist()),
-        )
-        for i, part in enumerate(parts)
+        Zone(kind=part.kind, slip=part.slip, pulley=part.pulley if part.touches else None, sigma=material, x=place)
+        for part, material, place in zip(parts, _pairs(sigma), _pairs(borders.real), strict=True)
     )
-    torques = tuple(
-        float(-pulley.radius * np.sum((weight * f)[_numbers(parts, zone) == i])) for i, pulley in enumerate(scene.pulleys)
-    )
+    number = np.array([part.pulley if part.touches else -1 for part in parts])[zone]
+    pushed = points.weight * points.f
+    torques = [-pulley.radius * float(pushed[number == i].sum()) for i, pulley in enumerate(scene.pulleys)]
     contacts, spans = contacts_and_spans(
         scene, zones, fields, rate=rate, omegas=omegas, torques=torques, borders=borders
     )
-    contacts = tuple(
-        replace(contact, **{scene.pulleys[contact.pulley].drive.kind: scene.pulleys[contact.pulley].drive.value})
-        if scene.pulleys[contact.pulley].drive.is_place
-        and not isinstance(scene.pulleys[contact.pulley].drive.value, str)
-        else contact
-        for contact in contacts
-    )
+    contacts = tuple(_placed(contact, scene.pulleys[contact.pulley]) for contact in contacts)
     return {"transport_rate": rate, "contacts": contacts, "spans": spans, "zones": zones, "fields": fields}
 
 
-def _numbers(parts: Sequence[Part], zone: Array) -> Array:
-    """Index of the pulley of each point, -1 of free ones."""
-    return np.array([part.pulley if part.touches else -1 for part in parts])[zone]
+def _pairs(values: Array) -> list[tuple[float, float]]:
+    return [(start, end) for start, end in values.tolist()]
 
 
-def _from_run_up(points: Array, start: float, winding: float) -> Array:
-    """Points of a loop that begin at a place of it and end there again, without those where the mesh began."""
-    inner = points[1:-1]
-    before = int(np.searchsorted(inner[:, 0], start))
-    turned = inner[:before].copy()
-    turned[:, 0] += 1.0
-    turned[:, 3] += winding
-    rows = np.concatenate([inner[before:], turned])
-    spline = CubicHermiteSpline(points[:, 0], points[:, 1:4], points[:, 4:7])
-    first = np.concatenate([[start], spline(start), spline(start, 1), rows[0, 7:9], [0.0], rows[0, 10:]])
-    last = first.copy()
-    last[0] += 1.0
+def _placed(contact: Contact, pulley: Pulley) -> Contact:
+    """A contact whose transition is exactly where the scene says."""
+    match pulley.drive.kind, pulley.drive.value:
+        case "x_trans", float(x):
+            return replace(contact, x_trans=x)
+        case "slip_angle", float(angle):
+            return replace(contact, slip_angle=angle)
+    return contact
+
+
+def _from_run_up(points: Points, runs: Sequence[Run], winding: float) -> tuple[Points, list[Run]]:
+    """Points and parts of a loop that begin at its first run-up and end there again, the whole angle later."""
+    start, path, table = runs[0].end, points.path, np.column_stack(points)[1:-1]
+    before = int(np.searchsorted(points.zone[1:-1], 0.0, side="right"))
+    turned = table[:before].copy()
+    turned[:, [0, 3]] += 1.0, winding
+    # The part before the first run-up is that behind the last run-off.
+    turned[:, -1] = len(runs) - 1
+    first = np.concatenate([[start], path(start), path(start, 1), table[before, 7:9], [0.0, 1.0]])
+    last = np.concatenate([[start + 1.0], path(start), path(start, 1), [0.0, 0.0, 0.0, len(runs) - 1.0]])
     last[3] += winding
-    last[7:10], last[10] = 0.0, rows[-1, 10]
-    return np.concatenate([[first], rows, [last]])
+    rows = np.concatenate([[first], table[before:], turned, [last]])
+    rows[:, 0] -= start + 0.5
+    rows[:, -1] -= 1.0
+    ended = [run._replace(end=run.end - start - 0.5) for run in runs[1:-1]]
+    return Points(*np.ascontiguousarray(rows.T)), [*ended, Run(FREE, 0.5, len(rows))]
 
 
 def _on_pulley(
-    scene: Scene, index: int, on: Array, state: DriveState, multipliers: Multipliers, grip: Grip
+    pulley: Pulley, index: int, on: Array, state: DriveState, multipliers: Multipliers, grip: Grip
 ) -> list[Run]:
     """The free part before a pulley, and the parts on it.
 
     Args:
-        scene: The scene.
-        index: Index of the pulley.
+        pulley: The pulley.
+        index: Its index.
         on: Numbers of the points that are nearest to it.
         state: The state.
         multipliers: Pressure and friction.
         grip: Friction on the pulley.
     """
-    pulley, p, f = scene.pulleys[index], multipliers.p[on], multipliers.f[on]
+    p, f, share = multipliers.p[on], multipliers.f[on], grip.share.ravel()
     touching = np.flatnonzero(p > 0.0)
     first, last = int(touching[0]), int(touching[-1])
-    runs = [Run(FREE, _lift_off(state, on[first], -1), int(on[first]))]
-    up_to = int(on[last]) + 1, _lift_off(state, on[last], 1)
+    runs = [Run(FREE, _lift_off(state, int(on[first]), -1), int(on[first]))]
+    off = _lift_off(state, int(on[last]), 1)
     if pulley.friction == 0.0:
-        return [*runs, Run(Part("slip", pulley=index), up_to[1], up_to[0])]
-    share = grip.share.ravel()
+        return [*runs, Run(Part("slip", pulley=index), off, int(on[last]) + 1)]
     held = np.where(np.abs(f) < pulley.friction * p, STICKS, np.where(f < 0.0, FORWARD, BACKWARD))
     kinds = _absorbed(np.where(share >= 0.5, SLIDES, held)[first : last + 1])
     # Where the points' parts of their cells end; the first cell begins half of its length before its middle.
     weight = state.weight[on]
     edges = (state.sigma[on[0]] + state.sigma[on[1]]) / 2.0 - weight[0] + np.cumsum(weight)
-    bounds = [*(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(kinds)]
-    for end in bounds:
-        kind, point = int(kinds[end - 1]), first + end
-        sense = grip.sense if kind == SLIDES else float(kind)
-        part = Part("stick", pulley=index) if kind == STICKS else sliding(sense, index)
-        place = up_to[1]
-        if point <= last:
-            partial = point - 1 if share[point - 1] > 0.0 or kinds[end] != SLIDES else point
-            place = float(edges[partial] - (share[partial] * weight[partial] if kinds[end] == SLIDES else 0.0))
+    for stop in _ends(kinds):
+        kind, point = int(kinds[stop - 1]), first + stop
+        sticks, sense = kind == STICKS, grip.sense if kind == SLIDES else float(kind)
+        part = Part("stick", pulley=index) if sticks else sliding(sense, index)
+        if point > last:
+            end = off
+        elif kinds[stop] == SLIDES:
+            # The point that slides by a share only is this one or the one before.
+            partial = point - 1 if share[point - 1] > 0.0 else point
+            end = float(edges[partial] - share[partial] * weight[partial])
+        else:
+            end = float(edges[point - 1])
         if runs[-1].part == part:
             runs.pop()
-        runs.append(Run(part, place, int(on[0]) + point))
+        runs.append(Run(part, end, int(on[0]) + point))
     return runs
+
+
+def _ends(kinds: Array) -> list[int]:
+    """Ends of the runs of equal kinds."""
+    return [*(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(kinds)]
 
 
 def _absorbed(kinds: Array) -> Array:
     """Gives short runs before the sliding behind stick to a neighbour: at a border, one odd point is no zone."""
-    kinds = kinds.copy()
-    bounds = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(kinds)]
-    for start, end in itertools.pairwise(bounds):
-        if end - start < SHORTEST_RUN and kinds[start] != SLIDES and len(bounds) > 2:
+    kinds, ends = kinds.copy(), _ends(kinds)
+    for start, end in itertools.pairwise([0, *ends]):
+        if end - start < SHORTEST_RUN and kinds[start] != SLIDES and len(ends) > 1:
             kinds[start:end] = kinds[start - 1] if start else kinds[end]
     return kinds
 

@@ -24,7 +24,6 @@ import numpy as np
 from mpi4py import MPI
 
 from belt_fenicsx.lagrangian import reading
-from belt_fenicsx.lagrangian.forms import Problem
 from belt_fenicsx.lagrangian.guess import from_fields, from_string
 from belt_fenicsx.lagrangian.multipliers import Multipliers, Penalties
 from belt_fenicsx.lagrangian.newton import NewtonError
@@ -75,7 +74,7 @@ class Run:
     """A task on its way through the steps.
 
     Args:
-        problem: Forms, function spaces and Newton solver.
+        problem: Forms, function spaces and Newton solver, of a `forms.Problem` or what stands for it.
         task: The task.
         stages: What was done so far.
     """
@@ -164,7 +163,7 @@ class Run:
         self.iterations += iterations
         return iterations
 
-    def _update(self, state: State, friction: float) -> None:
+    def _update(self, state: Any, friction: float) -> None:
         """Steps 3b and 3c."""
         old, penalty = self.multipliers, np.minimum(self.penalty, self.limit)
         self.multipliers = old.update(state, self.pulley, penalty=penalty, friction=friction)

@@ -42,8 +42,8 @@ ELEMENTS = 100
 
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.
 HALVINGS, COARSEST = 2, 8
-# A mesh of more than FINE nodes for each pulley starts from one of fewer elements by the factor COARSENING. From the string, Newton's
-# iteration would have to move the borders over many small elements; from a coarser mesh over few.
+# A mesh of more than FINE nodes for each pulley starts from one of fewer elements by the factor COARSENING. From the
+# string, Newton's iteration would have to move the borders over many small elements; from a coarser mesh over few.
 FINE, COARSENING = 200, 4
 
 
@@ -130,7 +130,9 @@ def _solve_on_meshes(comm: MPI.Comm, task: Task) -> Solution:
     """The dimensionless solution on the last of the meshes that lead to it, with its estimated errors; collective."""
     stages, solutions, start, rate = Stages(), [], task.start, task.rate
     for nodes in _coarser_meshes(task):
-        solution = _solve_on_ranks(comm, task._replace(nodes=nodes, start=start, rate=rate, rtol=task.tolerances.coarse_rtol))
+        solution = _solve_on_ranks(
+            comm, task._replace(nodes=nodes, start=start, rate=rate, rtol=task.tolerances.coarse_rtol)
+        )
         stages += [replace(stage, name=f"{stage.name}, {len(nodes) - 1} elements") for stage in solution.stages]
         solutions.append(solution)
         if task.start is None:
@@ -194,8 +196,8 @@ def _judge(solution: Solution, nodes: Array, tolerances: Tolerances) -> Solution
     """Certifies a solution, and takes the success back where the mesh is too coarse."""
     if solution.status is not Status.SOLVED:
         return solution
-    if solution.scene.is_published:
-        check_transition(solution.scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
+    for contact in solution.contacts:
+        check_transition(solution.scene, contact.x_up, contact.x_off, contact.pulley)
     solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance)
     message = shortcoming(solution, _told(solution, nodes), tolerances.largest_error)
     if not message:

@@ -27,9 +27,9 @@ class Penalties(NamedTuple):
             by a factor that does not depend on the mesh, and Newton's matrix stays well conditioned. That of the
             smallest element; larger ones have less.
         size: Size of an element whose penalty is the full one; smaller ones have no more.
-        friction: P_f. A string has D' = -f/b1, so b1 makes the update of the stick friction a Newton step. A fibre at an
-            offset e is strained by the moment of friction, too, up to 1 + b1 e^2/a times as much where bending is free;
-            between both, the mean of these rates contracts best.
+        friction: P_f. A string has D' = -f/b1, so b1 makes the update of the stick friction a Newton step. A fibre at
+            an offset e is strained by the moment of friction, too, up to 1 + b1 e^2/a times as much where bending is
+            free; the mean of these rates contracts best.
     """
 
     relaxed: float

@@ -37,9 +37,7 @@ class Problems:
         self._kept: dict[tuple[int, Options, bool, bool | None], Any] = {}
 
     @contextlib.contextmanager
-    def using(
-        self, elements: int, options: Options, *, frictional: bool, closed: bool | None = None
-    ) -> Iterator[Any]:
+    def using(self, elements: int, options: Options, *, frictional: bool, closed: bool | None = None) -> Iterator[Any]:
         """A problem to work with: the source's, or one for drives, which are ``closed`` or not.
 
         It is collective, and so is its end, where another problem may have to go.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,13 @@ class Track:
         lengths = np.array([piece.length for piece in pieces])
         ends = np.append(0.0, np.cumsum(lengths)) / lengths.sum() - 0.5
         return cls(tuple(pieces), ends, float(lengths.sum()), winding)
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Direction of the belt where it begins."""
+        first = self.pieces[0]
+        assert isinstance(first, Line), "a belt begins free"
+        return math.cos(first.angle), math.sin(first.angle)
 
     @property
     def strain(self) -> float:

@@ -98,16 +98,16 @@ def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
 
 
-def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
+def check_transition(scene: Scene, x_up: float, x_off: float, pulley: int = 0) -> None:
     """Checks that the transition was asked for inside of the contact zone that was found.
 
     Raises:
         SceneError: It was not.
     """
-    x_trans = scene.pulleys[0].x_trans
-    if x_trans is None or isinstance(x_trans, str) or x_up < x_trans < x_off:
+    x_trans, (low, high) = scene.pulleys[pulley].x_trans, sorted((x_up, x_off))
+    if x_trans is None or isinstance(x_trans, str) or low < x_trans < high:
         return
-    raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
+    raise SceneError(f"pulleys.{pulley}.x_trans", f"lie in the contact zone ({low:.6g}, {high:.6g}) [m]", x_trans)
 
 
 def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> tuple[Check, ...]:
