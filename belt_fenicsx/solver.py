@@ -36,6 +36,7 @@ class Method(NamedTuple):
         shared: Whether the ranks of a communicator solve one scene together.
         knows: Its arguments besides the scene, ``rtol``, ``initial`` and ``comm``.
         why: What it does, so that other arguments mean nothing to it.
+        general: Whether it solves scenes of any kind, instead of that of the source alone.
         helper: Method whose answer it starts from once more where it finds none itself; empty without one.
     """
 
@@ -43,20 +44,22 @@ class Method(NamedTuple):
     shared: bool
     knows: tuple[str, ...]
     why: str
+    general: bool = False
     helper: str = ""
 
 
 METHODS = {
     "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
     "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
-    "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc"),
+    "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc", general=True),
+    "string": Method("taut_string.method", False, (), "which is exact", general=True),
 }
 
 
 def solve(
     scene: Scene,
     *,
-    method: str = "fitted",
+    method: str | None = None,
     rtol: float = 1e-8,
     elements: int | None = None,
     mesh: Any = None,
@@ -70,8 +73,10 @@ def solve(
     Args:
         scene: The scene.
         method: ``"fitted"``, finite elements in zones bounded by nodes that move; ``"augmented-lagrangian"``, the
-            source's finite elements on a fixed mesh (18.2); or ``"bvp"``, the differential equations (18.3) by
-            collocation, which uses neither FEniCS nor PETSc.
+            source's finite elements on a fixed mesh (18.2); ``"bvp"``, the differential equations (18.3) by
+            collocation, which uses neither FEniCS nor PETSc; or ``"string"``, the exact string, the limit of a belt
+            that neither bends nor shears. By default, the first of them that solves scenes of this kind: the first two
+            know one pulley below a belt without loads, between clamps.
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
@@ -88,9 +93,19 @@ def solve(
         SceneError: The scene, or an argument, cannot be meant; on all ranks that solve a fixed mesh together.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
+    method = default_method(scene) if method is None else method
     given = {"elements": elements, "mesh": mesh, "options": options}
     arguments = {name: value for name, value in given.items() if value is not None}
     return answer(scene, method, arguments, rtol=rtol, comm=comm, initial=initial, throw=throw)
+
+
+def default_method(scene: Scene) -> str:
+    """The first method that solves scenes of this kind."""
+    return next(name for name, row in METHODS.items() if row.general or not _is_general(scene))
+
+
+def _is_general(scene: object) -> bool:
+    return isinstance(scene, Scene) and not scene.is_published
 
 
 def answer(
@@ -118,7 +133,7 @@ def answer(
         checked = agreed(comm, check, lambda checked: repr((scene, checked)))
     else:
         checked = check()
-    if not touches(scene):
+    if scene.is_published and not touches(scene):
         return finish(straight_belt(scene, method), throw=throw)
     checked |= {"comm": comm, "initial": initial}
     with interrupts.defer():
@@ -136,6 +151,9 @@ def _checked(scene: object, method: str, arguments: Mapping[str, Any], rtol: obj
     """
     if not isinstance(scene, Scene):
         raise SceneError("scene", "be a Scene", scene)
+    if _is_general(scene) and not METHODS[method].general:
+        able = " or ".join(name for name, row in METHODS.items() if row.general)
+        raise SceneError("method", f"be {able} for what is not one pulley below a belt without loads", method)
     for name, value in arguments.items():
         if name not in METHODS[method].knows:
             raise SceneError(name, f"be left out with the method {method}, {METHODS[method].why}", value)
@@ -180,4 +198,5 @@ def _helped(scene: Scene, method: str, helper: str, failed: Solution, arguments:
 
 def explained(solution: Solution) -> Solution:
     """The solution with hints, where the iteration failed and cannot say why."""
-    return replace(solution, hints=hints(solution.scene)) if solution.status in BLIND else solution
+    hinted = solution.status in BLIND and solution.scene.is_published
+    return replace(solution, hints=hints(solution.scene)) if hinted else solution

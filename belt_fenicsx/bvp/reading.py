@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans, zones_of
+from belt_fenicsx.solution.reading import contacts_of, zones_of
 from belt_fenicsx.solution.solution import Solution
 
 DENSE = 100  # Intervals of each part at least, for the fields.
@@ -219,13 +219,17 @@ def speeds(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
 
 
 def _sliding(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete, strains: Array) -> Array:
-    """Sliding speed c D - R omega in each part, from the strains D - 1 ``(parts, q)``, whose differences it is."""
-    rate, on_surface = transport_rate(problem, layout, discrete), np.full((len(layout.parts), 1), -1.0)
+    """Sliding speed c D - R omega in each part, from the strains D - 1 ``(parts, q)``, whose differences it is.
+
+    In a free part, it is against the pulley before it.
+    """
+    rate, on_surface = transport_rate(problem, layout, discrete), []
     for index, pulley in enumerate(scene.pulleys):
         driven = pulley.drive.kind == "omega" and not layout.sticks(index)
         strain = pulley.surface_speed / rate - 1.0 if driven else surface(problem, layout, discrete, index)[0]
-        on_surface[list(layout.on(index))] = strain
-    return rate * (strains - on_surface)
+        on_surface.append(strain)
+    pulleys = list(itertools.accumulate((p.pulley if p.touches else -1 for p in layout.parts), max))
+    return rate * (strains - np.array(on_surface)[np.maximum(pulleys, 0), None])
 
 
 def field_errors(errors: Array) -> dict[str, float]:
@@ -267,17 +271,15 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
         (x, y), pulley = take_up.direction, layout.parts[take_up.parts[0]].pulley
         centers[pulley] = (centers[pulley][0] + move * x, centers[pulley][1] + move * y)
     zones = zones_of(scene, layout.parts, fields)
-    contacts, spans = contacts_and_spans(
-        scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers
-    )
-    return dict(transport_rate=rate, contacts=contacts, spans=spans, zones=zones, fields=fields)
+    contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers)
+    return dict(transport_rate=rate, contacts=contacts, zones=zones, fields=fields)
 
 
 def _inside(cells: int) -> tuple[Array, Array]:
     """Places in a cell at which fields are given, and their weights: its start, its Gauss points, and some between."""
     between = max(1, math.ceil(DENSE / cells / (POINTS.size + 1)))
     ends = np.concatenate([[0.0], POINTS, [1.0]])
-    tau = np.unique(np.concatenate([np.linspace(*pair, between + 1)[:-1] for pair in pairwise(ends)]))
+    tau = np.unique(np.concatenate([np.linspace(*pair, between + 1)[:-1] for pair in itertools.pairwise(ends)]))
     return tau, np.where(np.isin(tau, POINTS), 1.0, 0.0)
 
 

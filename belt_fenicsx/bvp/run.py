@@ -21,7 +21,7 @@ from belt_fenicsx.bvp.problem import Problem
 from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import LEAST_STRAIN
+from belt_fenicsx.layout.layers import LEAST_STRAIN, shear_layer
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
@@ -32,7 +32,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import StringDrive, string_drive
+from belt_fenicsx.taut_string.drive import StringDrive, string_drive, touching
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
@@ -215,12 +215,16 @@ class Run:
         Raises:
             Stopped: There is none.
         """
-        layout = ordered(self.scene, [own.part for own in self.drive.parts if own.part.touches])
-        problem = self.pose(layout)
-        first = State(layout, problem, from_drive(problem, self.drive, self.cells))
-        for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
-            if (state := settle_from(run, first, "string", f"lengths {why}")) is not None:
-                return state
+        strings = [self.drive]
+        if self.scene.belt.contact_offset > 0.0:
+            strings.insert(0, touching(self.drive, shear_layer(self.scene, 0.0)))
+        for string in strings:
+            layout = ordered(self.scene, [own.part for own in string.parts if own.part.touches])
+            problem = self.pose(layout)
+            first = State(layout, problem, from_drive(problem, string, self.cells))
+            for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
+                if (state := settle_from(run, first, "string", f"lengths {why}; {layout}")) is not None:
+                    return state
         iterations, near = 0, first.discrete
         for factor in SOFTER:
             softer = replace(problem, rod=replace(problem.rod, a=factor * problem.rod.a))

@@ -15,6 +15,7 @@ from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, End, Group, Joining
 from belt_fenicsx.bvp.reading import samples
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE, Layout
+from belt_fenicsx.layout.posed import gives_rate
 from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
@@ -78,7 +79,7 @@ def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> 
             for index, pulley in enumerate(scene.pulleys)
             if pulley.take_up is not None
         ),
-        rate=scene.transport_rate if scene.transport_rate is not None else None if _has_inertia(scene) else 0.0,
+        rate=scene.transport_rate if scene.transport_rate is not None else None if scene.has_inertia else 0.0,
         giving=None if giving is None else (giving, scene.pulleys[giving].surface_speed),
         tension=tension,
     )
@@ -97,24 +98,14 @@ def _on_pulleys(scene: Scene, layout: Layout, touching: Sequence[int]) -> OnPull
     )
 
 
-def _has_inertia(scene: Scene) -> bool:
-    """Whether forces depend on the transport rate."""
-    return scene.belt.line_density > 0.0 or scene.belt.rotary_inertia > 0.0
-
-
 def _unit(direction: tuple[float, float]) -> tuple[float, float]:
     length = math.hypot(*direction)
     return direction[0] / length, direction[1] / length
 
 
 def _giving(scene: Scene, layout: Layout) -> int | None:
-    """The pulley whose speed gives the transport rate where no force depends on it; None elsewhere.
-
-    It is the first one whose speed is given, and where the belt leaves it.
-    """
-    if scene.transport_rate is not None or _has_inertia(scene):
-        return None
-    return next(i for i, p in enumerate(scene.pulleys) if p.drive.kind == "omega" and layout.slides_behind(i))
+    """The pulley whose speed gives the transport rate afterwards; None where the rate is given or an unknown."""
+    return None if scene.transport_rate is not None or scene.has_inertia else gives_rate(scene, layout)
 
 
 def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:

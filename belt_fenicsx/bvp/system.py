@@ -68,8 +68,8 @@ class Values:
     def size(self) -> float:
         """Root mean square of a step."""
         squares = sum(float(np.mean(z**2)) for z in self.z if z.size)
-        scalars = float(self.lengths @ self.lengths + self.moves @ self.moves)
-        return math.sqrt(squares + scalars + self.c**2)
+        scalars = np.array([*self.lengths, *self.moves, self.c])
+        return math.sqrt(squares + float(scalars @ scalars))
 
     @property
     def largest(self) -> float:

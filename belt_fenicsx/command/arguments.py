@@ -15,13 +15,16 @@ from belt_fenicsx.command.values import PLOT_SUFFIXES, convert
 from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
 
 SOLVE, SWEEP, CHECK = COMMANDS = ("solve", "sweep", "check")
+WITHOUT_PETSC = ("bvp", "string")
 SOLVERS = ("-snes_", "-ksp_", "-pc_")  # options of PETSc's solvers, of which all here have a prefix
 DESCRIPTION = """\
-Steady motion of a belt in frictional contact with a rotating pulley.
+Steady motion of a belt in frictional contact with rotating pulleys.
 
   belt-fenicsx [solve] [SCENE.toml]              one scene
   belt-fenicsx sweep [SCENE.toml] --over P=V     a table of answers, as comma-separated values; mpirun shares it out
-  belt-fenicsx check [SCENE.toml]                the certificates of the answers by two methods, of which one is bvp"""
+  belt-fenicsx check [SCENE.toml]                the certificates of the answers by two methods, of which one is bvp;
+                                                 where there is more than one pulley below a belt without loads,
+                                                 the other is string, the limit without bending"""
 EPILOG = """\
 PETSc options have one dash and pass through, as in -belt_snes_monitor or -log_view.
 
@@ -40,7 +43,7 @@ def _flag(text: str) -> dict[str, Any]:
 
 # What argparse is told of the options of all commands, and of those of one alone.
 OPTIONS = {
-    "--method": _value("METHOD", f"one of {', '.join(METHODS)}"),
+    "--method": _value("METHOD", f"one of {', '.join(METHODS)}; by default, the first that solves the scene"),
     "--rtol": _value("R", "relative tolerance of omega (default: %(default)s)", default="1e-8"),
     "--elements": _value("N", "number of finite elements"),
     "--mesh": _value("FILE", "nodes of the method augmented-lagrangian: positions, or lines that meshio reads"),
@@ -172,10 +175,19 @@ def _check_command(name: str) -> None:
 def _check_method(args: argparse.Namespace, petsc: list[str]) -> None:
     if args.method not in (None, *METHODS):
         raise SceneError("--method", f"be one of {', '.join(METHODS)}", args.method)
-    if args.method == "bvp":
-        if args.elements is not None:
-            raise SceneError(
-                "--elements", "be left out with the method bvp, which has no elements", Verbatim(args.elements)
-            )
-        if petsc:
-            raise SceneError(petsc[0], "be left out with the method bvp, which runs without PETSc", Verbatim(petsc[0]))
+    if args.method in WITHOUT_PETSC:
+        check_unused(args.method, args, petsc)
+
+
+def check_unused(method: str, args: argparse.Namespace, petsc: Sequence[str]) -> None:
+    """Refuses what a method without elements and without PETSc has no use for.
+
+    Raises:
+        SceneError: It was given.
+    """
+    if args.elements is not None:
+        expected = f"be left out with the method {method}, which has no elements"
+        raise SceneError("--elements", expected, Verbatim(args.elements))
+    if petsc:
+        expected = f"be left out with the method {method}, which runs without PETSc"
+        raise SceneError(petsc[0], expected, Verbatim(petsc[0]))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def solve_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene; the report shows, draws and writes the answer."""
-    solution = solver(args, petsc, args.method)(scene)
+    solution = solver(args, petsc, scene, args.method)(scene)
     check_used(petsc, solution)
 
     def report() -> int:
@@ -59,7 +59,7 @@ def sweep_scenes(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -
     """Solves the scenes of a sweep, whose rows are shown as they come, unless they go into a file."""
     from belt_fenicsx.sweeps.relay import Relay
 
-    ranks, table, shows_rows = all_ranks(), _Table(args.over, args.json), args.out is None
+    ranks, table, shows_rows = all_ranks(), _Table(args.over, scene, args.json), args.out is None
     rows = Relay(ranks, table.show)
 
     def on_solved(index: int, solution: Solution) -> None:
@@ -83,7 +83,7 @@ def sweep_scenes(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -
 
 def _sweep(scene: Scene, args: argparse.Namespace, petsc: Sequence[str], *, shows_rows: bool, **more: Any) -> Sweep:
     """The sweep; where it is interrupted, the error says what it leaves."""
-    method = solver(args, petsc, args.method)
+    method = solver(args, petsc, scene, args.method)
     from belt_fenicsx.sweeps.sweep import sweep
 
     asked = {"over": args.over, "values": args.values, "solver": method, "out": args.out, "keep_fields": False, **more}
@@ -116,37 +116,41 @@ class _Table:
 
     Args:
         over: What changes from row to row.
+        scene: The scene in which it does.
         as_json: Whether a row is an object.
     """
 
-    def __init__(self, over: tuple[str, ...], as_json: bool) -> None:
-        self._over, self._as_json, self._begun = over, as_json, False
+    def __init__(self, over: tuple[str, ...], scene: Scene, as_json: bool) -> None:
+        self._over, self._scene, self._as_json, self._begun = over, scene, as_json, False
 
     def row(self, values: tuple[Any, ...], solution: Solution) -> str:
         """A row as text."""
         from belt_fenicsx.solution.files import as_csv
         from belt_fenicsx.solution.summary import row_as_json
-        from belt_fenicsx.sweeps.table import row
+        from belt_fenicsx.sweeps.table import quantities, row
 
         if self._as_json:
             return row_as_json(dict(zip(self._over, values, strict=True)), solution)
-        return as_csv([row(values, solution)]).rstrip("\n")
+        return as_csv([row(values, solution, quantities([self._scene]))]).rstrip("\n")
 
     def show(self, text: str) -> None:
         """Shows a row, the first one after the header."""
         from belt_fenicsx.solution.files import as_csv
-        from belt_fenicsx.sweeps.table import header
+        from belt_fenicsx.sweeps.table import header, quantities
 
         if not self._as_json and not self._begun:
-            text = as_csv([header(self._over)]) + text
+            text = as_csv([header(self._over, quantities([self._scene]))]) + text
         self._begun = True
         show(text)
 
 
 def check_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene by two methods; the report shows their certificates."""
-    methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
-    solutions = [solver(args, petsc, method)(scene) for method in methods]
+    if scene.is_published:
+        methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
+    else:
+        methods = (args.method, "bvp" if args.method == "string" else "string")
+    solutions = [solver(args, petsc, scene, method)(scene) for method in methods]
     check_used(petsc, solutions[0])
 
     def report() -> int:

@@ -15,7 +15,7 @@ from belt_fenicsx.layout.revision import Resultants, Sample, Samples
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans
+from belt_fenicsx.solution.reading import contacts_of
 
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
@@ -111,7 +111,7 @@ def fields(scene: Scene, state: State) -> Fields:
 
 
 def answer(scene: Scene, state: State) -> dict[str, Any]:
-    """Contact, spans, zones and fields of a state, as arguments of a solution."""
+    """Contact, zones and fields of a state, as arguments of a solution."""
     mesh, radius, r, found = state.mesh, scene.pulleys[0].radius, state.ends_r, fields(scene, state)
     border = np.concatenate([r[:1, 0], r[mesh.ends, 0], r[-1:, 1]])
     sigma, x = (list(itertools.pairwise(ends.tolist())) for ends in (state.ends, border.real))
@@ -120,5 +120,5 @@ def answer(scene: Scene, state: State) -> dict[str, Any]:
         for i, part in enumerate(mesh.layout.parts)
     )
     omega, torque = pulley_speed(scene, state) / radius, -radius * state.friction_force
-    contacts, spans = contacts_and_spans(scene, zones, found, rate=1.0, omegas=(omega,), torques=(torque,))
-    return {"transport_rate": 1.0, "contacts": contacts, "spans": spans, "zones": zones, "fields": found}
+    contacts = contacts_of(scene, zones, found, rate=1.0, omegas=(omega,), torques=(torque,))
+    return {"transport_rate": 1.0, "contacts": contacts, "zones": zones, "fields": found}

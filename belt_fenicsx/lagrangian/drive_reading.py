@@ -21,7 +21,7 @@ from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans
+from belt_fenicsx.solution.reading import contacts_of
 
 # What friction does at a point in contact: it sticks, it is at its bound in one of two senses, or it slides before the
 # run-off, as the drive asks for.
@@ -68,7 +68,7 @@ class Points(NamedTuple):
 def answer(
     scene: Scene, track: Track, state: DriveState, multipliers: Multipliers, grips: Sequence[Grip], rate: float
 ) -> dict[str, Any]:
-    """Contacts, spans, zones and fields, as arguments of a solution.
+    """Contacts, zones and fields, as arguments of a solution.
 
     Args:
         scene: The dimensionless scene.
@@ -124,11 +124,9 @@ def _read(
     number = np.array([part.pulley if part.touches else -1 for part in parts])[zone]
     pushed = points.weight * points.f
     torques = [-pulley.radius * float(pushed[number == i].sum()) for i, pulley in enumerate(scene.pulleys)]
-    contacts, spans = contacts_and_spans(
-        scene, zones, fields, rate=rate, omegas=omegas, torques=torques, borders=borders
-    )
+    contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, borders=borders)
     contacts = tuple(_placed(contact, scene.pulleys[contact.pulley]) for contact in contacts)
-    return {"transport_rate": rate, "contacts": contacts, "spans": spans, "zones": zones, "fields": fields}
+    return {"transport_rate": rate, "contacts": contacts, "zones": zones, "fields": fields}
 
 
 def _pairs(values: Array) -> list[tuple[float, float]]:

@@ -17,7 +17,7 @@ from belt_fenicsx.scene.pulley import RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import contacts_and_spans
+from belt_fenicsx.solution.reading import contacts_of
 
 FORWARD, BACKWARD, SMOOTH = Part("slip", "forward"), Part("slip", "backward"), Part("slip")
 # Arrays hold the parts' numbers in this table: words take six times the memory, and four times as long.
@@ -29,7 +29,7 @@ SHORTEST_RUN = 3
 
 
 def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, Any]:
-    """Contact, spans, zones and fields, as arguments of a solution.
+    """Contact, zones and fields, as arguments of a solution.
 
     Args:
         scene: The dimensionless scene.
@@ -50,13 +50,13 @@ def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, An
         sigma=state.sigma, r=r, theta=state.theta, phi=np.arctan2(state.dy, state.dx), D=state.D, kappa=state.kappa,
         p=multipliers.p, f=multipliers.f, v_rel=state.D - speed,
     )  # fmt: skip
-    (contact,), spans = contacts_and_spans(
+    (contact,) = contacts_of(
         scene, zones, fields, rate=1.0, omegas=(speed / pulley.radius,),
         torques=(float(-pulley.radius * np.sum(state.weight * multipliers.f)),),
         borders=places(path([zone.sigma for zone in zones]).reshape(-1, 2)).reshape(-1, 2),
     )  # fmt: skip
     contacts = (replace(contact, x_trans=x_trans),)
-    return {"transport_rate": 1.0, "contacts": contacts, "spans": spans, "zones": zones, "fields": fields}
+    return {"transport_rate": 1.0, "contacts": contacts, "zones": zones, "fields": fields}
 
 
 def _part_numbers(state: State, multipliers: Multipliers, pulley: Pulley) -> Array:

@@ -64,6 +64,26 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
     return Layout(tuple(parts), tuple(joints), tuple(speeds), scene.closed, scene.transport_rate is None)
 
 
+def gives_rate(scene: Scene, layout: Layout) -> int | None:
+    """The pulley whose speed gives the transport rate where no force depends on it; None if there is none.
+
+    It is the first one whose speed is given, and which the belt leaves behind a transition.
+    """
+    driven = (i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
+    return next((i for i in driven if layout.slides_behind(i)), None)
+
+
+def slips_through(scene: Scene, layout: Layout) -> int | None:
+    """A pulley that slides all along though the rest of the drive needs its speed; None where there is none.
+
+    Without inertia, the transport rate of a loop does not matter to forces: one given speed gives it. If the belt does
+    not stick to any pulley of given speed, the drive is at the limit of what friction can transmit.
+    """
+    if scene.transport_rate is not None or scene.has_inertia or gives_rate(scene, layout) is not None:
+        return None
+    return next(i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
+
+
 def _inner_joints(pulley: Pulley, on: Sequence[Part], left: int) -> Iterator[Joint]:
     """The joints between parts on a pulley, of which part ``left`` ends where the drive decides."""
     for i, after in enumerate(on[1:]):

@@ -90,7 +90,7 @@ def check_on_path(scene: Scene, path: Path) -> None:
             )
             raise SceneError(f"{name}.x_trans", expected, pulley.x_trans)
         if pulley.take_up and _gain(arc, pulley.take_up) <= 0.0:
-            x, y = arc.pull
+            x, y = (round(part, 6) + 0.0 for part in arc.pull)
             expected = f"push the pulley into the belt, which pulls it along ({x:g}, {y:g}) [-]"
             raise SceneError(f"{name}.take_up", expected, pulley.take_up)
     # Between clamps, a belt can be stiff enough to be held over one pulley, even if it is slack.

@@ -195,11 +195,11 @@ def _check_contacts(scene: Scene, rounds: Sequence[_Round], path: Path) -> None:
             continue
         direct = _tangent(before, after)
         along, left = direct.seen_from(arc.center)
-        clear = left * arc.turn - arc.radius
-        if 0.0 <= along <= direct.length and clear >= -ROUNDING * arc.radius:
+        clear, rounding = left * arc.turn - arc.radius, ROUNDING * arc.radius
+        if 0.0 <= along <= direct.length and clear >= -rounding:
             expected = (
-                f"be where the taut belt touches the pulley (it passes at {max(clear, 0.0):g} [m], straight from "
-                f"{before.name} to {after.name}: a wrap of zero)"
+                f"be where the taut belt touches the pulley (it passes at {clear if clear > rounding else 0.0:g} [m], "
+                f"straight from {before.name} to {after.name}: a wrap of zero)"
             )
             raise SceneError(f"pulleys.{arc.pulley}.side", expected, pulley.side)
 

@@ -95,6 +95,11 @@ class Scene:
         return self.clamps or ((-self.span / 2, 0.0, 0.0), (self.span / 2, 0.0, 0.0))
 
     @property
+    def has_inertia(self) -> bool:
+        """Whether the belt's forces depend on the transport rate."""
+        return self.belt.line_density > 0.0 or self.belt.rotary_inertia > 0.0
+
+    @property
     def is_published(self) -> bool:
         """Whether it is of the kind that the source solves: one pulley below a belt without loads, between clamps."""
         pulley, belt = self.pulleys[0], self.belt
@@ -190,9 +195,7 @@ class Scene:
         )
         clamps = self.clamps and tuple((x / units.length, y / units.length, angle) for x, y, angle in self.clamps)
         # What was checked together stays as good as it was in any units, and need not be checked again.
-        scene = copy.copy(self)
-        store(
-            scene,
+        scene = self.altered(
             belt=belt,
             pulleys=tuple(pulley.dimensionless(units) for pulley in self.pulleys),
             span=positive("span", self.span / units.length, "-") if self.has_span else self.span,
@@ -203,6 +206,12 @@ class Scene:
             tension=None,
         )
         return scene, units
+
+    def altered(self, **values: Any) -> Scene:
+        """The scene with other values that are known to make sense together, and need not be checked."""
+        scene = copy.copy(self)
+        store(scene, **values)
+        return scene
 
     def _rate_unit(self) -> float:
         if self.transport_rate is not None:

@@ -15,12 +15,12 @@ import numpy as np
 
 from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import ordered, posed
+from belt_fenicsx.layout.posed import ordered, posed, slips_through
 from belt_fenicsx.layout.revision import Samples, revise
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.limits import driven_by, meets
+from belt_fenicsx.search.limits import driven_by, limit_state, meets
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
@@ -88,6 +88,10 @@ def settle(method: Method[S], state: S) -> S:
             raise Stopped(Status.CONTACT_LOST, f"The contact{on_pulley} shrinks to a point.")
         if revision.layout in tried or len(tried) == MOST_LAYOUTS * len(method.scene.pulleys):
             return state
+        if (slipping := slips_through(method.scene, revision.layout)) is not None:
+            sense = revision.layout.parts[revision.layout.on(slipping)[0]].slip
+            limit_state(method, slipping, sense or "forward", (state, revision.layout, revision.ends))
+            raise Stopped(Status.NEWTON_DIVERGED, f"The belt slides all along pulley {slipping} short of its capacity.")
         tried.append(revision.layout)
         why = f"{revision.why}; now {revision.layout}"
         state = method.converge(method.transfer(state, revision.layout, revision.ends), "zone order", why)

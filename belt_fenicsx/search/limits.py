@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
@@ -12,6 +15,7 @@ from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, transmissible
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.drive import at_capacity
 
 
 def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip: Slip) -> Scene:
@@ -88,6 +92,46 @@ def check_capacity(method: Method[S], slip: S, index: int) -> None:
             f"N m, which the given torque exceeds by {-100.0 * exceeds / capacity:.3g} %.",
             final=True,
         )
+
+
+def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layout, Array] | None = None) -> S:
+    """The drive at its limit: sliding all along a pulley, and the torque that `at_capacity` names left open.
+
+    Args:
+        method: The solve.
+        index: The pulley.
+        sense: Sense of sliding on it.
+        near: A state, the layout with sliding all along the pulley and about its ends; by default it starts from the string.
+
+    Returns:
+        The state, if the drive asks for less.
+
+    Raises:
+        Stopped: The drive is beyond its capacity, or there is no such state.
+    """
+    limit, load = at_capacity(method.scene, index, sense)
+    solve = method.at(limit)
+    if near is None:
+        state = solve.start()
+    else:
+        state, layout, ends = near
+        rows = ordered(limit, [part for part in layout.parts if part.touches])
+        state = solve.converge(solve.transfer(state, rows, ends), "capacity", f"now {rows}")
+    method.stages.ran("capacity", f"sliding all along pulley {index}", solve.stages.iterations)
+    if not solve.is_plausible(state):
+        raise Stopped(Status.NEWTON_DIVERGED, f"No state was found that slides all along pulley {index}.")
+    radii, resultants = [p.radius for p in limit.pulleys], solve.samples(state).pulleys
+    transmitted, given = -radii[load] * resultants[load].friction, method.scene.pulleys[load].torque or 0.0
+    if given / transmitted > 1.0:
+        unit, own = method.units.of(length=1, force=1), -radii[index] * resultants[index].friction
+        there = "" if index == load else f", and {own * unit:.6g} N m to pulley {index}"
+        raise Stopped(
+            Status.CAPACITY_EXCEEDED,
+            f"Sliding all along pulley {index}, the belt transmits {transmitted * unit:.6g} N m to pulley {load}{there}; "
+            f"the torque given to pulley {load} exceeds that by {100.0 * (given / transmitted - 1.0):.3g} %.",
+            final=True,
+        )
+    return state
 
 
 def check_smooth(scene: Scene) -> None:

@@ -12,11 +12,11 @@ import numpy as np
 from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.path import taut_path
+from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import at_ends, beside, fibre, force, points_on, weighed
+from belt_fenicsx.solution.reading import along, arc, beside, directions, fibre, force, on_pulley, parts_of, weighed
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -128,11 +128,12 @@ def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -
     if solution.fields is None:
         raise ValueError("A solution without fields cannot be certified.")
     fields, errors = solution.fields, solution.field_errors
+    parts = parts_of(fields, solution.zones)
     allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
-    checks = [_borders_in_order(solution), *_smallest_margins(solution, fields, tolerance)]
-    checks += _balances(solution, fields, allowed)
+    checks = [_borders_in_order(solution), *_smallest_margins(solution, fields, parts, tolerance)]
+    checks += _balances(solution, fields, parts, allowed)
     for contact in solution.contacts:
-        checks += _drive_met(solution, contact, fields)
+        checks += _drive_met(solution, contact, fields, parts)
     if not solution.scene.is_published:
         checks += _whole_belt(solution, fields, tolerance, allowed)
     return tuple(checks)
@@ -158,38 +159,41 @@ def _borders_in_order(solution: Solution) -> Check:
     return Check(name="borders in order", margin=float(lengths[shortest]), tolerance=0.0, x=float(zones[shortest].x[0]))
 
 
-def _conditions(solution: Solution, fields: Fields) -> Iterator[Condition]:
+def _conditions(solution: Solution, fields: Fields, parts: Sequence[slice]) -> Iterator[Condition]:
     """What holds at all points of some zones, pulley by pulley."""
     scene, zones, errors = solution.scene, solution.zones, solution.field_errors
     centers, everywhere = {contact.pulley: contact.center for contact in solution.contacts}, np.ones(fields.p.size)
     f, speed, least = np.abs(fields.f), np.abs(fields.v_rel), ROUNDING * solution.transport_rate
-    unknown_f, unknown_speed = errors.get("f", 0.0) * float(f.max()), errors.get("v_rel", 0.0) * float(speed.max())
+    unknown_f = errors.get("f", 0.0) * float(f.max())
+    # There may be no speed where there is no pulley.
+    unknown_speed = errors.get("v_rel", 0.0) * float(np.fmax.reduce(speed))
     senses, largest = np.zeros(len(zones)), np.zeros(len(zones))
     for i, zone in enumerate(zones):
         if zone.slip is not None:
-            senses[i], largest[i] = SENSE[zone.slip], speed[fields.zone == i].max(initial=0.0)
+            senses[i], largest[i] = SENSE[zone.slip], speed[parts[i]].max(initial=0.0)
     ahead, fastest = senses[fields.zone] * fields.v_rel, np.maximum(largest, least)[fields.zone]
     for i, pulley in enumerate(scene.pulleys):
         gap = np.abs(fibre(scene, fields, pulley.turn) - complex(*centers.get(i, pulley.center))) - pulley.radius
         yield Condition("no penetration outside contact", i, ("free",), gap, pulley.radius * everywhere)
         if i not in centers:
             continue
-        p_max, bound = float(fields.p[points_on(zones, fields, i)].max()), pulley.friction * fields.p
+        p_max, bound = float(fields.p[arc(parts, on_pulley(zones, i))].max()), pulley.friction * fields.p
         yield Condition("positive pressure in contact", i, ("stick", "slip"), fields.p, p_max * everywhere)
         if pulley.friction > 0.0:
             yield Condition("Coulomb's bound in stick", i, ("stick",), bound - f, np.abs(bound), unknown_f)
             yield Condition("sense of sliding in slip", i, ("slip",), ahead, fastest, unknown_speed, least)
 
 
-def _smallest_margins(solution: Solution, fields: Fields, tolerance: float) -> list[Check]:
+def _smallest_margins(solution: Solution, fields: Fields, parts: Sequence[slice], tolerance: float) -> list[Check]:
     """Checks of all conditions at all points at once, each where its margin is smallest.
 
     Args:
         solution: The solution.
         fields: Its fields.
+        parts: The points of each zone.
         tolerance: Negative relative margin that the discretisation is allowed.
     """
-    names, pulleys, kinds, *columns = zip(*_conditions(solution, fields), strict=True)
+    names, pulleys, kinds, *columns = zip(*_conditions(solution, fields, parts), strict=True)
     values, sizes, errors, roundings = (np.array(column) for column in columns)
     rows = [
         [zone.kind in wanted and zone.pulley in (None, pulley) for zone in solution.zones]
@@ -213,7 +217,7 @@ def _smallest_margins(solution: Solution, fields: Fields, tolerance: float) -> l
     ]
 
 
-def _balances(solution: Solution, fields: Fields, allowed: float) -> Iterator[Check]:
+def _balances(solution: Solution, fields: Fields, parts: Sequence[slice], allowed: float) -> Iterator[Check]:
     """Equilibrium of what lies on each pulley, between the free spans at both sides of it, integrated from (18.17).
 
     What the pulley exerts, summed up along the contact, and the weight there have to be what the belt's forces and
@@ -223,27 +227,28 @@ def _balances(solution: Solution, fields: Fields, allowed: float) -> Iterator[Ch
     Args:
         solution: The solution.
         fields: Its fields.
+        parts: The points of each zone.
         allowed: What the discretisation is allowed.
     """
     if not fields.p.any():
         return
     scene, zones, rate = solution.scene, solution.zones, solution.transport_rate
-    origin, N = complex(*solution.contacts[0].center), force(scene, fields, rate)
+    r, N, tension = places(fields.r), force(scene, fields, rate), float(np.abs(places(fields.Q)).max())
+    M = fields.M - scene.belt.rotary_inertia * rate**2 * fields.kappa
     line_weight = scene.belt.line_density * complex(*scene.gravity)
-    arm, M = places(fields.r) - origin, fields.M - scene.belt.rotary_inertia * rate**2 * fields.kappa
-    forces, moments = at_ends(zones, fields, np.array([N, M + (arm.conj() * N).imag]), weighed(scene, fields, origin))
-    tension = float(np.abs(places(fields.Q)).max())
     for contact in solution.contacts:
-        pulley, center = scene.pulleys[contact.pulley], complex(*contact.center)
-        on, number = points_on(zones, fields, contact.pulley), _numbered(scene, contact.pulley)
-        (N_up, N_off), (M_up, M_off) = (beside(scene, zones, values, contact.pulley) for values in (forces, moments))
-        load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * np.exp(1j * fields.phi[on]) * fields.weight[on]
-        arm, lever = places(fields.r)[on] - center, fibre(scene, fields, pulley.turn, on) - center
-        weight = line_weight * fields.weight[on]
-        defect = N_off - N_up + load.sum() + weight.sum()
-        # The moments at both ends are about another point, which is the centre of an only pulley.
-        twist = M_off - M_up - ((center - origin).conjugate() * (N_off - N_up)).imag
-        twist += (np.vdot(lever, load) + np.vdot(arm, weight)).imag
+        pulley, zones_on = scene.pulleys[contact.pulley], on_pulley(zones, contact.pulley)
+        on, arm, number = arc(parts, zones_on), r - complex(*contact.center), _numbered(scene, contact.pulley)
+        taken, turned = weighed(scene, fields, complex(*contact.center))
+        before, after = beside(scene, fields, parts, zones_on, N, taken)
+        load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * directions(fields.phi[on]) * fields.weight[on]
+        defect = after - before + load.sum()
+        before, after = beside(scene, fields, parts, zones_on, M + (arm.conj() * N).imag, turned)
+        lever = fibre(scene, fields, pulley.turn, on) - complex(*contact.center)
+        twist = (after - before).real + np.vdot(lever, load).imag
+        if line_weight:
+            weight = line_weight * fields.weight[on]
+            defect, twist = defect + weight.sum(), twist + np.vdot(arm[on], weight).imag
         for name, missed in (
             ("balance of forces", abs(defect) / tension),
             ("balance of moments", abs(twist) / (tension * pulley.radius)),
@@ -251,7 +256,7 @@ def _balances(solution: Solution, fields: Fields, allowed: float) -> Iterator[Ch
             yield Check(name=name, margin=-float(missed), tolerance=allowed, x=contact.center[0], pulley=number)
 
 
-def _drive_met(solution: Solution, contact: Contact, fields: Fields) -> Iterator[Check]:
+def _drive_met(solution: Solution, contact: Contact, fields: Fields, parts: Sequence[slice]) -> Iterator[Check]:
     """Whether what drives the pulley is met, relative to what friction can transmit.
 
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
@@ -259,7 +264,7 @@ def _drive_met(solution: Solution, contact: Contact, fields: Fields) -> Iterator
     the wrap.
     """
     pulley, b1 = solution.scene.pulleys[contact.pulley], solution.scene.belt.extensional_stiffness
-    drive, on = pulley.drive, points_on(solution.zones, fields, contact.pulley)
+    drive, on = pulley.drive, arc(parts, on_pulley(solution.zones, contact.pulley))
     capacity = transmissible(pulley.friction, float(fields.weight[on] @ fields.p[on]))
     if drive.kind == "none" or not capacity > 0.0 or isinstance(drive.value, str):
         return
@@ -298,7 +303,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
     clamped, r = complex(N[-1] - N[0]), places(fields.r)
     delivered = rate * float(np.diff(_carried(scene, fields, rate))[0])
     if scene.closed:
-        path = taut_path(scene)
+        path = tangent_path(scene)
         turn = path.lines[-1].angle - path.arcs[0].start
         gap = max(abs(r[-1] - r[0]) / belt.length, abs(fields.theta[-1] - fields.theta[0] - turn))
         yield Check(name="loop closed", margin=-float(gap), tolerance=tolerance, x=start)
@@ -306,9 +311,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
         clamped, delivered = 0j, 0.0
     weight = belt.line_density * belt.length * complex(*scene.gravity)
     hubs = sum(complex(*contact.hub_force) for contact in solution.contacts)
-    yield Check(
-        name="balance of hub loads", margin=-abs(clamped + weight - hubs) / tension, tolerance=allowed, x=start
-    )
+    yield Check(name="balance of hub loads", margin=-abs(clamped + weight - hubs) / tension, tolerance=allowed, x=start)
     lost = sum(contact.power for contact in solution.contacts) + solution.losses - delivered
     yield Check(name="balance of power", margin=-abs(lost) / (tension * rate), tolerance=allowed, x=start)
     for contact in solution.contacts:

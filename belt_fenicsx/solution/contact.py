@@ -20,8 +20,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "torque": DRIVES["torque"],
     "wrap_angle": Quantity(unit="rad", text="wrap angle"),
 }
-# What else a contact has whose value depends on units.
-MORE: Mapping[str, Quantity] = {
+# With what else a contact has whose value depends on units.
+ALL: Mapping[str, Quantity] = {
+    **QUANTITIES,
     "center": Quantity(unit="m", text="centre", length=1),
     "run_up": Quantity(unit="m", text="run-up", length=1),
     "run_off": Quantity(unit="m", text="run-off", length=1),
@@ -30,22 +31,6 @@ MORE: Mapping[str, Quantity] = {
     "capacity": DRIVES["torque"],
     "take_up": Quantity(unit="m", text="take-up", length=1),
 }
-OF_SPANS: Mapping[str, Quantity] = {
-    "sigma": Quantity(unit="m", text="material-length coordinate", length=1),
-    "length": Quantity(unit="m", text="material length", length=1),
-    "tension": FORCE,
-    "speed": Quantity(unit="m/s", text="speed", rate=1),
-    "sag": Quantity(unit="m", text="sag", length=1),
-}
-
-
-def _scaled(part: Contact | Span, quantities: Mapping[str, Quantity], units: Units) -> dict[str, Any]:
-    """Numbers, and tuples of numbers, of a dimensionless part in the given units."""
-    scaled: dict[str, Any] = {}
-    for name, quantity in quantities.items():
-        value, scale = getattr(part, name), quantity.scale(units)
-        scaled[name] = tuple(item * scale for item in value) if isinstance(value, tuple) else value * scale
-    return scaled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,8 +121,12 @@ class Contact:
 
     def in_units(self, units: Units) -> Contact:
         """The contact of a dimensionless scene in the given units."""
-        zones = tuple(zone.in_units(units) for zone in self.zones)
-        return replace(self, zones=zones, **_scaled(self, {**QUANTITIES, **MORE}, units))
+        scaled: dict[str, Any] = {}
+        for name, quantity in ALL.items():
+            value, scale = getattr(self, name), quantity.scale(units)
+            if scale != 1.0:
+                scaled[name] = (value[0] * scale, value[1] * scale) if isinstance(value, tuple) else value * scale
+        return replace(self, zones=tuple(zone.in_units(units) for zone in self.zones), **scaled)
 
     def __repr__(self) -> str:
         zones = ", ".join(zone.name for zone in self.zones)
@@ -157,7 +146,7 @@ class Span:
         tension: Elastic force along the tangent of the middle line at the start, in the middle and at the end
             ``(3,)`` [N].
         speed: Speed of the belt in the middle [m/s].
-        sag: Largest distance from the chord [m].
+        sag: Largest distance of the fields' points from the chord [m].
         angle: Angle of the chord, counted on along the belt [rad].
     """
 
@@ -167,7 +156,3 @@ class Span:
     speed: float
     sag: float
     angle: float
-
-    def in_units(self, units: Units) -> Span:
-        """The span of a dimensionless scene in the given units."""
-        return replace(self, **_scaled(self, OF_SPANS, units))

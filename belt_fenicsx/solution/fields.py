@@ -92,6 +92,12 @@ class Fields:
         """Global coordinate y ``(n,)`` [m]."""
         return self.r[:, 1]
 
+    @property
+    def tension(self) -> Array:
+        """Elastic force along the tangent of the middle line ``(n,)`` [N]."""
+        along = 1.0 + self.eps
+        return (self.Q[:, 0] * along + self.Q[:, 1] * self.Gamma) / np.hypot(along, self.Gamma)
+
     @classmethod
     def from_state(
         cls,

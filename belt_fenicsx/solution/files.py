@@ -23,7 +23,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
 from belt_fenicsx.solution.certificate import Check
-from belt_fenicsx.solution.contact import Contact, Span, Zone
+from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import QUANTITIES, Fields
 from belt_fenicsx.solution.stages import Stage
 from belt_fenicsx.solution.status import Status
@@ -42,7 +42,7 @@ PLAIN: Mapping[str, Any] = {
     "int | None": int | None,
     "Slip | None": str | None,
 }
-PARTS: Mapping[str, Any] = {"Zone": Zone, "Contact": Contact, "Span": Span, "Check": Check, "Stage": Stage}
+PARTS: Mapping[str, Any] = {"Zone": Zone, "Contact": Contact, "Check": Check, "Stage": Stage}
 PACKAGES = ("belt_fenicsx", "numpy", "scipy", "matplotlib")
 MODULES = ("dolfinx", "ufl", "petsc4py", "mpi4py")
 
@@ -134,7 +134,6 @@ def to_plain(solution: Solution) -> dict[str, Any]:
         "hints": list(solution.hints),
         "transport_rate": solution.transport_rate,
         "contacts": [asdict(contact) for contact in solution.contacts],
-        "spans": [asdict(span) for span in solution.spans],
         "zones": [asdict(zone) for zone in solution.zones],
         "checks": [asdict(check) for check in solution.checks],
         "iterations": solution.iterations,
@@ -164,7 +163,6 @@ def from_plain(plain: Any, fields_: Fields | None = None) -> dict[str, Any]:
             hints=_read("tuple[str, ...]", plain["hints"]),
             transport_rate=_read("float", plain["transport_rate"]),
             contacts=_read("tuple[Contact, ...]", plain["contacts"]),
-            spans=_read("tuple[Span, ...]", plain["spans"]),
             zones=zones,
             fields=fields_,
             checks=_read("tuple[Check, ...]", plain["checks"]),

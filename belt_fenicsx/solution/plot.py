@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from belt_fenicsx.scene.file import unknown_name
 from belt_fenicsx.solution.fields import QUANTITIES
 from belt_fenicsx.solution.files import COMPONENTS, columns
+from belt_fenicsx.solution.reading import goes_along_x
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +33,7 @@ ZONE_STYLES = {
 
 
 def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False, **style: Any) -> Axes:
-    """Draws one field against x, with the borders of contact as vertical lines.
+    """Draws one field against x, or sigma in loops and with several pulleys, with the zones' borders as vertical lines.
 
     Args:
         solution: A solution with fields.
@@ -51,11 +52,17 @@ def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False
     free = np.array([zone.kind == "free" for zone in solution.zones])[table["zone"][1]]
     shown = ~free if contact_only else slice(None)
     style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
-    ax.plot(table["x"][1][shown], values[shown], **style)
+    along = _along(solution)
+    ax.plot(table[along][1][shown], values[shown], **style)
     mark_borders(solution, ax)
-    ax.set_xlabel("x [m]")
+    ax.set_xlabel("x [m]" if along == "x" else r"$\sigma$ [m]")
     ax.set_ylabel(f"{_meaning(name)} {_symbol(name)} [{unit}]")
     return ax
+
+
+def _along(solution: Solution) -> str:
+    """The coordinate against which fields are drawn."""
+    return "x" if goes_along_x(solution.scene) else "sigma"
 
 
 def _meaning(name: str) -> str:
@@ -80,7 +87,7 @@ class NotebookFigure(Figure):
 def mark_borders(solution: Solution, ax: Axes) -> Axes:
     """Marks run-up, transition and run-off by thin vertical lines."""
     for zone in solution.zones[1:]:
-        ax.axvline(zone.x[0], color="0.8", linewidth=0.8, zorder=0)
+        ax.axvline(getattr(zone, _along(solution))[0], color="0.8", linewidth=0.8, zorder=0)
     return ax
 
 
@@ -109,7 +116,7 @@ def strains(solution: Solution, ax: Axes, which: str = "eps", **style: Any) -> A
 
 
 def deformed_belt(solution: Solution, ax: Axes) -> Axes:
-    """Draws the deformed belt on its pulley, each zone in its own line, and the direction of travel.
+    """Draws the deformed belt on its pulleys to scale, each zone in its own line, and the direction of travel.
 
     Args:
         solution: A solution with fields.
@@ -119,8 +126,12 @@ def deformed_belt(solution: Solution, ax: Axes) -> Axes:
 
     scene, table = solution.scene, columns(solution)
     x, y = table["x"][1], table["y"][1]
-    for pulley in scene.pulleys:
-        ax.add_patch(Circle(pulley.center, pulley.radius, facecolor="0.93", edgecolor="0.6", linewidth=0.8))
+    centers = {contact.pulley: contact.center for contact in solution.contacts}
+    for index, pulley in enumerate(scene.pulleys):
+        center = centers.get(index, pulley.center)
+        ax.add_patch(Circle(center, pulley.radius, facecolor="0.93", edgecolor="0.6", linewidth=0.8))
+        if len(scene.pulleys) > 1:
+            ax.text(*center, str(index), ha="center", va="center", color="0.4")
     named = set()
     for index, zone in enumerate(solution.zones):
         inside = table["zone"][1] == index
@@ -131,17 +142,37 @@ def deformed_belt(solution: Solution, ax: Axes) -> Axes:
         label = None if zone.name in named else zone.name
         ax.plot(x[inside], y[inside], label=label, **ZONE_STYLES[zone.kind])
         named.add(zone.name)
-    half = scene.span / 2
-    ax.plot([-half, half], [0.0, 0.0], linestyle="none", marker="s", markersize=6, color="0.3", label="clamps")
-    ax.annotate("", xy=(-0.72 * half, 0.18 * half), xytext=(-0.98 * half, 0.18 * half), arrowprops={"arrowstyle": "->"})
-    ax.text(-0.98 * half, 0.22 * half, "travel", fontsize="small")
-    height = float(np.max(y))
+    if not scene.closed:
+        ends = np.array([end[:2] for end in scene.ends])
+        ax.plot(*ends.T, linestyle="none", marker="s", markersize=6, color="0.3", label="clamps")
     ax.set_aspect("equal")
-    ax.set_xlim(-1.08 * half, 1.08 * half)
-    ax.set_ylim(min(-0.25 * half, -0.5 * height), height + 0.22 * half)
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")
+    return (_frame_clamped if scene.is_published else _frame_drive)(solution, ax)
+
+
+def _frame_clamped(solution: Solution, ax: Axes) -> Axes:
+    """Adds travel, limits and legend round a belt between clamps."""
+    half, height = solution.scene.span / 2, float(np.max(columns(solution)["y"][1]))
+    ax.annotate("", xy=(-0.72 * half, 0.18 * half), xytext=(-0.98 * half, 0.18 * half), arrowprops={"arrowstyle": "->"})
+    ax.text(-0.98 * half, 0.22 * half, "travel", fontsize="small")
+    ax.set_xlim(-1.08 * half, 1.08 * half)
+    ax.set_ylim(min(-0.25 * half, -0.5 * height), height + 0.22 * half)
     ax.legend(loc="lower center", ncols=4, fontsize="small", frameon=False)
+    return ax
+
+
+def _frame_drive(solution: Solution, ax: Axes) -> Axes:
+    """Adds travel, as an arrowhead on each span, limits that show all pulleys, and a legend at the side."""
+    table = columns(solution)
+    for index, zone in enumerate(solution.zones):
+        inside = np.flatnonzero(table["zone"][1] == index)
+        if zone.kind == "free" and inside.size > 1:
+            here, there = (tuple(table[name][1][i] for name in ("x", "y")) for i in inside[inside.size // 2 - 1 :][:2])
+            head = {"arrowstyle": "-|>", "color": "0.3", "shrinkA": 0.0, "shrinkB": 0.0}
+            ax.annotate("", xy=there, xytext=here, arrowprops=head)
+    ax.autoscale_view()
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     return ax
 
 
@@ -165,5 +196,6 @@ def overview(*solutions: Solution) -> Figure:
 
 
 def _title(solution: Solution) -> str:
-    speeds = ", ".join(f"$\\omega$ = {contact.omega:.6g} rad/s" for contact in solution.contacts)
-    return f"{speeds or 'no contact'} ({NAMES.get(solution.method, solution.method)})"
+    speeds = ", ".join(f"{contact.omega:.6g}" for contact in solution.contacts)
+    found = f"$\\omega$ = {speeds} rad/s" if speeds else "no contact"
+    return f"{found} ({NAMES.get(solution.method, solution.method)})"

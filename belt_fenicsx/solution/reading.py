@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -26,15 +27,16 @@ def zones_of(scene: Scene, parts: Sequence[Part], fields: Fields) -> tuple[Zone,
         parts: What the belt does in each zone.
         fields: The fields.
     """
-    pulleys, points = [part.pulley if part.touches else None for part in parts], end_points(fields, len(parts))
-    sigma, x = fields.sigma[points].tolist(), _borders(scene, pulleys, fields, points).real.tolist()
-    return tuple(
-        Zone(kind=part.kind, slip=part.slip, pulley=pulleys[i], sigma=tuple(sigma[i]), x=tuple(x[i]))
-        for i, part in enumerate(parts)
-    )
+    zones = []
+    for part, points in zip(parts, parts_of(fields, parts), strict=True):
+        ends, turn = [points.start, points.stop - 1], scene.pulleys[part.pulley].turn if part.touches else 0.0
+        sigma, x = fields.sigma[ends].tolist(), fibre(scene, fields, turn, ends).real.tolist()
+        pulley = part.pulley if part.touches else None
+        zones.append(Zone(kind=part.kind, slip=part.slip, pulley=pulley, sigma=tuple(sigma), x=tuple(x)))
+    return tuple(zones)
 
 
-def contacts_and_spans(
+def contacts_of(
     scene: Scene,
     zones: Sequence[Zone],
     fields: Fields,
@@ -45,8 +47,8 @@ def contacts_and_spans(
     centers: Sequence[tuple[float, float]] | None = None,
     capacities: Sequence[float] | None = None,
     borders: Array | None = None,
-) -> tuple[tuple[Contact, ...], tuple[Span, ...]]:
-    """Contacts with the pulleys that are touched, in their order, and the free spans.
+) -> tuple[Contact, ...]:
+    """Contacts with the pulleys that are touched, in their order.
 
     Args:
         scene: The scene, in the units of the other arguments.
@@ -60,27 +62,29 @@ def contacts_and_spans(
         borders: Ends of the zones, those of the touching fibre on a pulley, in the complex plane ``(len(zones), 2)``;
             by default, the first and the last points of the zones.
     """
-    points = end_points(fields, len(zones))
-    if borders is None:
-        borders = _borders(scene, [zone.pulley for zone in zones], fields, points)
-    ends, phi, parts = borders.tolist(), fields.phi[points].tolist(), _slices(points)
-    heavy = weighed(scene, fields)
-    N = at_ends(zones, fields, force(scene, fields, rate), None if heavy is None else heavy[0]).tolist()
+    parts, N = parts_of(fields, zones), force(scene, fields, rate)
+    taken, _ = weighed(scene, fields)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
-    slid = fields.weight * np.abs(fields.f * fields.v_rel)
     contacts = []
     for index, pulley in enumerate(scene.pulleys):
-        on = [i for i, zone in enumerate(zones) if zone.pulley == index]
+        on = on_pulley(zones, index)
         if not on:
             continue
-        first, last, touching = on[0], on[-1], tuple(zones[i] for i in on)
+        touching = tuple(zones[i] for i in on)
         center = complex(*(pulley.center if centers is None else centers[index]))
         sticks = [i for i in on if zones[i].kind == "stick"]
+        # Run-up, the last place at which the belt sticks, and run-off: zones, and at which of their ends.
+        wanted = ((on[0], 0), (sticks[-1], 1) if sticks else (on[0], 0), (on[-1], 1))
+        points = [parts[i].stop - 1 if end else parts[i].start for i, end in wanted]
+        if borders is None:
+            ends = fibre(scene, fields, pulley.turn, points).tolist()
+        else:
+            ends = [complex(borders[i, end]) for i, end in wanted]
         up, left, off = (
-            _counted_on((ends[i][end] - center) * pulley.turn / 1j, phi[i][end])
-            for i, end in ((first, 0), (sticks[-1], 1) if sticks else (first, 0), (last, 1))
+            _counted_on((place - center) * pulley.turn / 1j, near)
+            for place, near in zip(ends, fields.phi[points].tolist(), strict=True)
         )
-        before, after = beside(scene, zones, N, index)
+        before, after = beside(scene, fields, parts, on, N, taken)
         contacts.append(
             Contact(
                 pulley=index,
@@ -92,20 +96,36 @@ def contacts_and_spans(
                 torque=torques[index],
                 wrap_angle=pulley.turn * (up - off),
                 center=_vector(center),
-                run_up=_vector(ends[first][0]),
-                run_off=_vector(ends[last][1]),
+                run_up=_vector(ends[0]),
+                run_off=_vector(ends[-1]),
                 angle_up=up,
                 angle_off=off,
                 slip_angle=pulley.turn * (left - off),
                 hub_force=_vector(after - before + line_weight * (touching[-1].sigma[1] - touching[0].sigma[0])),
-                sliding_loss=sum(float(slid[parts[i]].sum()) for i in on if zones[i].kind == "slip"),
+                sliding_loss=sum(_lost(fields, parts[i]) for i in on if zones[i].kind == "slip"),
                 capacity=math.nan if capacities is None else capacities[index],
                 take_up=along(pulley.take_up, center - complex(*pulley.center)),
                 zones=touching,
             )
         )
-    spans = (_span(zone, fields, part, rate) for zone, part in zip(zones, parts, strict=True) if zone.pulley is None)
-    return tuple(contacts), tuple(spans)
+    return tuple(contacts)
+
+
+def spans_of(zones: Sequence[Zone], fields: Fields, rate: float) -> tuple[Span, ...]:
+    """The free spans.
+
+    Args:
+        zones: All zones, in the direction of travel.
+        fields: The fields.
+        rate: Transport rate c.
+    """
+    rows = zip(zones, parts_of(fields, zones), strict=True)
+    return tuple(_span(zone, fields, part, rate) for zone, part in rows if zone.pulley is None)
+
+
+def goes_along_x(scene: Scene) -> bool:
+    """Whether the coordinate x tells places on the belt apart: on one pulley between clamps."""
+    return not scene.closed and len(scene.pulleys) == 1
 
 
 def force(scene: Scene, fields: Fields, rate: float) -> Array:
@@ -113,7 +133,15 @@ def force(scene: Scene, fields: Fields, rate: float) -> Array:
     Q, mass = places(fields.Q), scene.belt.line_density * rate**2
     if mass:
         Q = Q - mass * (1.0 + fields.eps + 1j * fields.Gamma)
-    return Q * np.exp(1j * fields.theta)
+    return Q * directions(fields.theta)
+
+
+def directions(angles: Array) -> Array:
+    """Unit vectors with these angles in the complex plane ``(m,)``; a complex exponential takes twice the time."""
+    unit = np.empty(angles.shape, dtype=complex)
+    np.cos(angles, out=unit.real)
+    np.sin(angles, out=unit.imag)
+    return unit
 
 
 def fibre(scene: Scene, fields: Fields, turn: Any, at: Any = slice(None)) -> Array:
@@ -126,85 +154,67 @@ def fibre(scene: Scene, fields: Fields, turn: Any, at: Any = slice(None)) -> Arr
         at: Indices of the points; all of them by default.
     """
     r, offset = places(fields.r)[at], scene.belt.contact_offset
-    return r - 1j * offset * turn * np.exp(1j * fields.theta[at]) if offset else r
+    return r - 1j * offset * turn * directions(fields.theta[at]) if offset else r
 
 
-def end_points(fields: Fields, zones: int) -> Array:
-    """Indices of the first and the last point of each zone ``(zones, 2)``."""
-    starts = fields.zone.searchsorted(np.arange(zones + 1))
-    return np.column_stack([starts[:-1], starts[1:] - 1])
+def parts_of(fields: Fields, zones: Sequence[Any]) -> list[slice]:
+    """The points of each zone."""
+    starts = fields.zone.searchsorted(range(len(zones) + 1)).tolist()
+    return [slice(start, end) for start, end in itertools.pairwise(starts)]
 
 
-def at_ends(zones: Sequence[Zone], fields: Fields, values: Array, weighed: Array | None) -> Array:
-    """What loads alone change, at both ends of each zone ``(..., len(zones), 2)``.
+def on_pulley(zones: Sequence[Zone], pulley: int) -> list[int]:
+    """Indices of the zones on a pulley."""
+    return [i for i, zone in enumerate(zones) if zone.pulley == pulley]
 
-    In a free span it is constant but for the weight; its mean is what a fixed mesh holds in equilibrium where it does
-    not resolve the layers.
+
+def arc(parts: Sequence[slice], on: Sequence[int]) -> slice:
+    """The points on a pulley, of which these are the zones."""
+    return slice(parts[on[0]].start, parts[on[-1]].stop)
+
+
+def beside(
+    scene: Scene, fields: Fields, parts: Sequence[slice], on: Sequence[int], values: Array, taken: Array | None
+) -> tuple[complex, complex]:
+    """What loads alone change, at the end of the span before a pulley and at the start of the one behind it.
+
+    In a span it is constant but for the weight; its mean is what a fixed mesh holds in equilibrium where it does not
+    resolve the layers. Where the belt touches the pulley next to a clamp, there is no span on that side.
 
     Args:
-        zones: All zones.
+        scene: The scene.
         fields: The fields.
-        values: Values at the points ``(..., n)``.
-        weighed: What the weight has taken from them on the way there ``(..., n)``; None without weight.
+        parts: The points of each zone.
+        on: Indices of the zones on the pulley.
+        values: Values at all points ``(n,)``.
+        taken: What the weight has taken from them on the way there ``(n,)``; None without weight.
     """
-    points = end_points(fields, len(zones))
-    found = values[..., points]
-    for i, part in enumerate(_slices(points)):
-        if zones[i].pulley is None:
-            weight = fields.weight[part]
-            if weighed is None:
-                found[..., i, :] = (values[..., part] @ weight / weight.sum())[..., None]
-            else:
-                kept = (values + weighed)[..., part] @ weight / weight.sum()
-                found[..., i, :] = kept[..., None] - weighed[..., points[i]]
-    return found
+    before = parts[on[0] - 1] if on[0] or scene.closed else slice(0, 1)
+    after = parts[on[-1] + 1] if on[-1] + 1 < len(parts) else slice(-1, None)
+    first, last = fields.weight[before], fields.weight[after]
+    kept = values if taken is None else values + taken
+    up, off = complex(kept[before] @ first / first.sum()), complex(kept[after] @ last / last.sum())
+    return (up, off) if taken is None else (up - complex(taken[before][-1]), off - complex(taken[after][0]))
 
 
-def weighed(scene: Scene, fields: Fields, origin: complex = 0j) -> Array | None:
-    """Force of the weight, and its moment about a point, summed up along the belt ``(2, n)``; None without weight.
+def weighed(scene: Scene, fields: Fields, origin: complex = 0j) -> tuple[Array, Array] | tuple[None, None]:
+    """Force of the weight, and its moment about a point, summed up along the belt ``(n,)``; None without weight.
 
     The places of the belt are integrated as cubics between the points.
     """
     line_weight = scene.belt.line_density * complex(*scene.gravity)
     if not line_weight:
-        return None
+        return None, None
     arm, steps = places(fields.r) - origin, np.diff(fields.sigma)
-    slope = (1.0 + fields.eps + 1j * fields.Gamma) * np.exp(1j * fields.theta)
+    slope = (1.0 + fields.eps + 1j * fields.Gamma) * directions(fields.theta)
     pieces = steps * (arm[1:] + arm[:-1]) / 2.0 - steps**2 * np.diff(slope) / 12.0
     lever = np.append(0.0, np.cumsum(pieces))
-    return np.array([line_weight * fields.sigma, (lever.conj() * line_weight).imag])
+    return line_weight * fields.sigma, (lever.conj() * line_weight).imag
 
 
-def beside(scene: Scene, zones: Sequence[Zone], ends: Any, pulley: int) -> tuple[Any, Any]:
-    """Values at the end of the span before a pulley and at the start of the one behind it.
-
-    Args:
-        scene: The scene.
-        zones: All zones.
-        ends: Values at both ends of each zone.
-        pulley: Index of the pulley. Where the belt touches it next to a clamp, there is no span on that side.
-    """
-    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
-    before = ends[on[0] - 1][1] if on[0] or scene.closed else ends[0][0]
-    after = ends[on[-1] + 1][0] if on[-1] + 1 < len(zones) else ends[-1][1]
-    return before, after
-
-
-def points_on(zones: Sequence[Zone], fields: Fields, pulley: int) -> slice:
-    """The points from the run-up to the run-off of a pulley."""
-    on = [i for i, zone in enumerate(zones) if zone.pulley == pulley]
-    first, end = fields.zone.searchsorted([on[0], on[-1] + 1]).tolist()
-    return slice(first, end)
-
-
-def _slices(points: Array) -> list[slice]:
-    return [slice(first, last + 1) for first, last in points.tolist()]
-
-
-def _borders(scene: Scene, pulleys: Sequence[int | None], fields: Fields, points: Array) -> Array:
-    """Places of the zones' ends, those of the touching fibre on a pulley ``(len(pulleys), 2)``."""
-    turns = [0.0 if pulley is None else scene.pulleys[pulley].turn for pulley in pulleys]
-    return fibre(scene, fields, np.array(turns)[:, None], points)
+def _lost(fields: Fields, part: slice) -> float:
+    """Power that friction takes along a part."""
+    return float(fields.weight[part] @ np.abs(fields.f[part] * fields.v_rel[part]))
 
 
 def _counted_on(direction: complex, near: float) -> float:
@@ -222,26 +232,26 @@ def along(direction: tuple[float, float] | None, way: complex) -> float:
 
 
 def _span(zone: Zone, fields: Fields, part: slice, rate: float) -> Span:
-    sigma, r, D, along = fields.sigma[part], places(fields.r)[part], fields.D[part], 1.0 + fields.eps[part]
-    tension = (fields.Q[part, 0] * along + fields.Q[part, 1] * fields.Gamma[part]) / D
-    chord, start = complex(r[-1] - r[0]), float(fields.phi[part.start])
-    weights, near = _weights(sigma, (sigma[0] + sigma[-1]) / 2)
+    sigma, r, tension = fields.sigma[part], places(fields.r)[part], fields.tension[part]
+    chord, (near, weights) = complex(r[-1] - r[0]), _middle(sigma)
     return Span(
         sigma=zone.sigma,
         length=zone.sigma[1] - zone.sigma[0],
         tension=(float(tension[0]), float(weights @ tension[near]), float(tension[-1])),
-        speed=rate * float(weights @ D[near]),
+        speed=rate * float(weights @ fields.D[part][near]),
         sag=float(np.abs(((r - r[0]) * chord.conjugate()).imag).max()) / (abs(chord) or math.nan),
-        angle=_counted_on(chord, start),
+        angle=_counted_on(chord, float(fields.phi[part.start])),
     )
 
 
-def _weights(x: Array, place: float) -> tuple[Array, slice]:
-    """Weights of the values at a few points round a place, and these points: Lagrange's interpolation."""
-    first = max(0, min(int(x.searchsorted(place)) - NEAR // 2, x.size - NEAR))
+def _middle(x: Array) -> tuple[slice, list[float]]:
+    """A few points round the middle, and the weights of the values there: Lagrange's interpolation."""
+    middle = (x[0] + x[-1]) / 2
+    first = max(0, min(int(x.searchsorted(middle)) - NEAR // 2, x.size - NEAR))
     near = slice(first, first + NEAR)
-    ways = x[near] - place
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factors = ways / (ways - ways[:, None])
-    np.fill_diagonal(factors, 1.0)
-    return factors.prod(axis=1), near
+    ways = (x[near] - middle).tolist()
+    weights = [
+        math.prod(other / ((other - way) or math.nan) for j, other in enumerate(ways) if j != i)
+        for i, way in enumerate(ways)
+    ]
+    return near, weights

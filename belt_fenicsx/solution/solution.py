@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.fields import Fields, same_values
+from belt_fenicsx.solution.reading import spans_of
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -48,7 +50,6 @@ class Solution:
         hints: What is unusual about the scene, in sentences, where the iteration failed and cannot say why.
         transport_rate: Mass transport rate [m/s]; NaN where nothing was found.
         contacts: One contact for each pulley; empty where nothing was found.
-        spans: The free spans, in the direction of travel.
         zones: All zones of the belt, in the direction of travel.
         fields: Fields along the belt; None where the solve failed before there were any.
         checks: The certificate.
@@ -70,7 +71,6 @@ class Solution:
     hints: tuple[str, ...] = ()
     transport_rate: float = float("nan")
     contacts: tuple[Contact, ...] = ()
-    spans: tuple[Span, ...] = ()
     zones: tuple[Zone, ...] = ()
     fields: Fields | None = field(default=None, repr=False)
     checks: tuple[Check, ...] = field(default=(), repr=False)
@@ -101,6 +101,11 @@ class Solution:
         if len(self.contacts) != 1:
             raise AttributeError(f"`omega` needs exactly one contact, got {len(self.contacts)}: {self.status.value}")
         return self.contacts[0].omega
+
+    @functools.cached_property
+    def spans(self) -> tuple[Span, ...]:
+        """The free spans, in the direction of travel; empty without fields."""
+        return () if self.fields is None else spans_of(self.zones, self.fields, self.transport_rate)
 
     @property
     def power(self) -> float:
@@ -150,7 +155,6 @@ class Solution:
             self,
             scene=scene,
             transport_rate=self.transport_rate * units.rate,
-            spans=tuple(span.in_units(units) for span in self.spans),
             contacts=tuple(contact.in_units(units) for contact in self.contacts),
             zones=tuple(zone.in_units(units) for zone in self.zones),
             fields=self.fields and self.fields.in_units(units),

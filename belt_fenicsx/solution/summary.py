@@ -87,8 +87,9 @@ def certificates_as_json(solutions: Sequence[Solution], left_out: Mapping[str, A
 
 
 def difference_of_omega(solutions: Sequence[Solution]) -> float | None:
-    """How far two solutions differ in omega; None where one has none, or both have none but zero."""
-    if not all(solution.contacts for solution in solutions):
+    """How far two solutions differ in omega, on the pulley where they do most; None where one has none."""
+    first, second = ([contact.omega for contact in solution.contacts] for solution in solutions)
+    if not first or len(first) != len(second):
         return None
-    first, second = (solution.contacts[0].omega for solution in solutions)
-    return 0.0 if first == second else (first - second) / max(abs(first), abs(second))
+    pairs = zip(first, second, strict=True)
+    return max((0.0 if a == b else (a - b) / max(abs(a), abs(b)) for a, b in pairs), key=abs)

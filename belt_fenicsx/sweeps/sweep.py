@@ -20,7 +20,6 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.file import with_values
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.solution.contact import QUANTITIES
 from belt_fenicsx.solution.fields import same_values
 from belt_fenicsx.solution.files import as_csv
 from belt_fenicsx.solution.solution import Solution
@@ -29,7 +28,7 @@ from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solver import solve
 from belt_fenicsx.sweeps.parts import Parts, keys
 from belt_fenicsx.sweeps.ranks import OneProcess, Ranks, ranks_of
-from belt_fenicsx.sweeps.table import as_html, as_line, header, of_contact, row
+from belt_fenicsx.sweeps.table import as_html, as_line, header, number, quantities, row
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -70,22 +69,28 @@ class Sweep:
         return all(solution.success for solution in self.solutions)
 
     def __getitem__(self, name: str) -> Array:
-        """A column ``(n,)``: a quantity of contact, ``"error_estimate"`` or ``"iterations"``.
+        """A column ``(n,)`` of the table, by its name without a unit, as in ``"omega"`` or ``"error_estimate"``.
 
-        Quantities of contact are NaN where a scene has no answer.
+        Quantities of contact are NaN where a scene has no answer. Where there are several pulleys, their names have the
+        pulley's number, as in ``"pulleys.1.torque"``.
 
         Raises:
             KeyError: There is no such column.
         """
-        if name in QUANTITIES:
-            return np.array([of_contact(solution, name) for solution in self.solutions])
+        if name in self._told:
+            return np.array([number(solution, name) for solution in self.solutions])
         if name in ("error_estimate", "iterations"):
             return np.array([getattr(solution, name) for solution in self.solutions])
         raise KeyError(name)
 
+    @property
+    def _told(self) -> dict[str, str]:
+        return quantities(solution.scene for solution in self.solutions)
+
     def rows(self) -> list[list[Any]]:
         """The table's header, with units, and its rows."""
-        return [header(self.over), *map(row, self.values, self.solutions)]
+        told, pairs = self._told, zip(self.values, self.solutions, strict=True)
+        return [header(self.over, told), *(row(value, solution, told) for value, solution in pairs)]
 
     def csv(self) -> str:
         """The table as comma-separated values."""
@@ -237,7 +242,7 @@ def _solved(scene: Scene, last: Solution | None, call: functools.partial[Solutio
             solution = call(scene, initial=initial)
         except SceneError as error:
             # Found only on the way, as a transition outside of the contact is: the sweep goes on.
-            return _refused(scene, str(call.keywords.get("method", "")), error)
+            return _refused(scene, call.keywords.get("method") or "", error)
         if solution.success:
             return solution
     return solution

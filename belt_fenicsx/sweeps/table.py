@@ -3,35 +3,54 @@
 from __future__ import annotations
 
 import html
+import math
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from belt_fenicsx.scene.pulley import DRIVES
 from belt_fenicsx.solution.contact import QUANTITIES
+from belt_fenicsx.solution.reading import goes_along_x
 
 if TYPE_CHECKING:
+    from belt_fenicsx.scene.scene import Scene
     from belt_fenicsx.solution.solution import Solution
     from belt_fenicsx.sweeps.sweep import Sweep
 
 SHOWN = 5  # rows that a notebook shows, from the table's head and from its tail
 
 
-def header(over: str | tuple[str, ...] | None) -> list[str]:
+def quantities(scenes: Iterable[Scene]) -> dict[str, str]:
+    """Names and units of what a table tells of its solutions: the contact, or transport rate and pulleys of drives."""
+    most = max((len(scene.pulleys) for scene in scenes if not goes_along_x(scene)), default=0)
+    if most == 0:
+        return {name: quantity.unit for name, quantity in QUANTITIES.items()}
+    told = {f"pulleys.{i}.{name}": DRIVES[name].unit for i in range(most) for name in ("omega", "torque")}
+    return {"transport_rate": "m/s", **told}
+
+
+def header(over: str | tuple[str, ...] | None, told: Mapping[str, str]) -> list[str]:
     """Names of a table's columns, with units."""
     changed = [over or "scene"] if not isinstance(over, tuple) else over
-    columns = [f"{name} [{quantity.unit}]" for name, quantity in QUANTITIES.items()]
+    columns = [f"{name} [{unit}]" for name, unit in told.items()]
     return [*changed, *columns, "error_estimate [-]", "iterations", "status"]
 
 
-def row(value: Any, solution: Solution) -> list[Any]:
-    """A row of a table, from the value, or the tuple of values, of its scene."""
+def row(value: Any, solution: Solution, told: Iterable[str]) -> list[Any]:
+    """A row of a table, from the value, or the tuple of values, of its scene, and the names of what is told of it."""
     changed = value if isinstance(value, tuple) else (value,)
-    quantities = [of_contact(solution, name) for name in QUANTITIES]
-    return [*changed, *quantities, solution.error_estimate, solution.iterations, solution.status.name]
+    numbers = [number(solution, name) for name in told]
+    return [*changed, *numbers, solution.error_estimate, solution.iterations, solution.status.name]
 
 
-def of_contact(solution: Solution, name: str) -> float:
-    """A quantity of the only contact; NaN where the answer is not one to rely on."""
-    return float(getattr(solution.contacts[0], name)) if solution.success else float("nan")
+def number(solution: Solution, name: str) -> float:
+    """A quantity of a solution; NaN where the answer is not one to rely on, and of a pulley that there is not."""
+    if not solution.success:
+        return math.nan
+    if name == "transport_rate":
+        return solution.transport_rate
+    *_, pulley, quantity = ("0", *name.split("."))
+    return next((float(getattr(c, quantity)) for c in solution.contacts if c.pulley == int(pulley)), math.nan)
 
 
 def as_line(sweep: Sweep) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
 from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.file import scene_to_dict
 from belt_fenicsx.scene.pulley import Drive, Pulley
 from belt_fenicsx.scene.scene import Scene
 
@@ -184,3 +185,57 @@ def test_dimensionless_drives(drive, value, expected):
 def test_dimensionless_keeps_the_limits(x_trans):
     scene, _ = Scene(belt=Belt(length=2.0), pulleys=(Pulley(x_trans=x_trans, slip="backward"),)).dimensionless()
     assert (scene.pulleys[0].x_trans, scene.pulleys[0].slip) == (x_trans, "backward")
+
+
+def drive(*, length=1.0, force=1.0, time=1.0):
+    """A loop with all that has a dimension, in other units."""
+    mass = force * time**2 / length
+    belt = StiffnessBelt(
+        bending_stiffness=0.4 * force * length**2,
+        extensional_stiffness=5e4 * force,
+        shear_stiffness=2e4 * force,
+        line_density=1.0 * mass / length,
+        rotary_inertia=1e-5 * mass * length,
+        contact_offset=0.005 * length,
+        length=1.4 * length,
+    )
+    pulleys = (
+        Pulley(radius=0.1 * length, center=(0.0, 0.0), omega=10.0 / time),
+        Pulley(
+            radius=0.1 * length,
+            center=(0.4 * length, 0.0),
+            torque=9.0 * force * length,
+            drag=2.0 * force * length * time,
+        ),
+        Pulley(
+            radius=0.04 * length,
+            center=(0.2 * length, -0.06 * length),
+            side="left",
+            slip_angle=0.1,
+            take_up=(0.0, 3.0),
+            force=50.0 * force,
+        ),
+    )
+    return Scene(belt=belt, pulleys=pulleys, closed=True, gravity=(0.0, -9.81 * length / time**2))
+
+
+@pytest.mark.parametrize("units", [{"length": 1e-3}, {"force": 1e4}, {"time": 60.0}], ids=str)
+def test_dimensionless_loop_does_not_depend_on_units(units):
+    scene, _ = drive(**units).dimensionless()
+    reference, _ = drive().dimensionless()
+    assert leaves(scene) == pytest.approx(leaves(reference), rel=1e-14)
+    # The unit of the rate, which is to be found, is the surface speed of the pulley whose speed is given.
+    assert scene.pulleys[0].omega * scene.pulleys[0].radius == pytest.approx(1.0, rel=1e-15)
+    assert (scene.transport_rate, scene.belt.length, scene.belt.extensional_stiffness) == (None, 1.0, 1.0)
+
+
+def leaves(scene):
+    """All numbers of a scene by their places."""
+    found, rest = {}, [("", scene_to_dict(scene))]
+    while rest:
+        path, value = rest.pop()
+        if isinstance(value, dict | list):
+            rest += [(f"{path}.{k}", v) for k, v in (value.items() if isinstance(value, dict) else enumerate(value))]
+        elif isinstance(value, float):
+            found[path] = value
+    return found

@@ -1,5 +1,6 @@
 """Scene files, plain data and paths: round trips, and an error that names the field for everything else."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,82 @@ SCENES = [
 ]
 
 
+LOOP = """
+closed = true
+elongation = 0.03
+gravity = [0.0, -9.81]
+
+[belt]
+thickness = 0.01
+density = 1200.0
+contact_offset = 0.005
+
+[[pulleys]]
+radius = 0.1
+center = [0.0, 0.0]
+friction = 0.5
+omega = 10
+
+[[pulleys]]
+radius = 0.1
+center = [0.4, 0.0]
+friction = 0.5
+torque = 20
+drag = 0.5
+
+[[pulleys]]
+radius = 0.04
+center = [0.2, -0.06]
+friction = 0.3
+side = "left"
+slip_angle = 0.1
+slip = "backward"
+"""
+TENSIONER = """
+closed = true
+transport_rate = 2.0
+
+[belt]
+length = 1.5
+bending_stiffness = 0.4
+extensional_stiffness = 5e4
+shear_stiffness = 2e4
+line_density = 0.5
+rotary_inertia = 1e-6
+
+[[pulleys]]
+radius = 0.1
+center = [0.0, 0.0]
+friction = 0.5
+
+[[pulleys]]
+radius = 0.1
+center = [0.4, 0.0]
+friction = 0.5
+torque = 20.0
+take_up = [1, 0.0]
+force = 500
+"""
+CLAMPS = """
+clamps = [[-0.5, 0.0, 0.1], [0.5, 0, 0]]
+tension = 1000.0
+
+[[pulleys]]
+radius = 0.25
+center = [-0.22, -0.2]
+friction = 0.2
+x_trans = "run-off"
+slip = "forward"
+
+[[pulleys]]
+radius = 0.25
+center = [0.22, 0.2]
+friction = 0.2
+side = "left"
+torque = 0.0
+"""
+
+
 def write(tmp_path, text):
     path = tmp_path / "scene.toml"
     path.write_text(text, encoding="utf-8")
@@ -46,6 +123,25 @@ def test_round_trip(scene):
     data = scene_to_dict(scene)
     assert scene_from_dict(data) == scene
     assert with_values(scene, {}) == scene
+
+
+@pytest.mark.parametrize("text", [LOOP, TENSIONER, CLAMPS], ids=["loop", "tensioner", "clamps"])
+def test_round_trip_of_general_drives(text, tmp_path):
+    data = read_data(write(tmp_path, text))
+    scene = scene_from_dict(data)
+    # Nothing is said that was not given, and nothing is forgotten.
+    said = scene_to_dict(scene)
+    assert all(said[name] == value for name, value in data.items() if name not in ("belt", "pulleys"))
+    assert said["pulleys"] == data["pulleys"]
+    assert {**said["belt"], **data.get("belt", {})} == said["belt"]
+    assert scene_from_dict(said) == scene
+    assert with_values(scene, {}) == scene
+    dimensionless, _ = scene.dimensionless()
+    assert scene_from_dict(scene_to_dict(dimensionless)) == dimensionless
+
+
+def test_names_that_the_published_scene_does_not_need_are_not_said():
+    assert set(scene_to_dict(Scene())) == {"belt", "pulleys", "span", "transport_rate"}
 
 
 def test_an_empty_file_is_the_published_scene(tmp_path):
@@ -136,6 +232,12 @@ def test_names_cannot_talk_to_the_terminal(tmp_path):
             "pulleys.0.center", "pulleys.0.friction"]),
         ("[[pulleys]]\ncenter = [0, -0.6]", ("belt", "span", "transport_rate", "pulleys.0.center.0"), [
             "pulleys.0.radius", "pulleys.0.friction", "pulleys.0.x_trans", "pulleys.0.slip"]),
+        (LOOP, (), ["belt.youngs_modulus", "belt.poisson_ratio", "belt.width"]),
+        (LOOP.replace("density = 1200.0", "").replace("friction = 0.3", ""), ("belt",), ["pulleys.2.friction"]),
+        (TENSIONER, (), []),
+        (CLAMPS, ("belt",), ["transport_rate"]),
+        ("clamps = [[-0.5, 0, 0], [0.5, 0, 0]]\n[[pulleys]]\nradius = 0.7\ncenter = [0, -0.575]", ("belt",), [
+            "transport_rate", "pulleys.0.friction", "pulleys.0.x_trans", "pulleys.0.slip"]),
     ],
 )  # fmt: skip
 def test_what_a_file_leaves_out(text, given, names, tmp_path):
@@ -228,6 +330,47 @@ def test_a_drive_replaces_the_former_one():
     assert scene.pulleys[0] == Pulley(torque=10.0)
     scene = with_values(scene, {"pulleys.0.slip": "backward", "pulleys.0.x_trans": 0.1})
     assert scene.pulleys[0] == Pulley(x_trans=0.1, slip="backward")
+
+
+DRIVE = {"x_trans": 0.2, "omega": 9.9, "torque": 1.0, "slip_angle": 0.2}
+
+
+@pytest.mark.parametrize("former", DRIVE)
+@pytest.mark.parametrize("later", DRIVE)
+def test_each_drive_of_a_loop_replaces_each_other(former, later, tmp_path):
+    scene = with_values(load_scene(write(tmp_path, LOOP)), {f"pulleys.2.{former}": DRIVE[former]})
+    scene = with_values(scene, {"pulleys.2.drag": 0.1} if former == "torque" else {})
+    pulley = with_values(scene, {f"pulleys.2.{later}": DRIVE[later]}).pulleys[2]
+    assert (pulley.drive.kind, pulley.drive.value) == (later, DRIVE[later])
+    # A drag stays with a torque, a sense of sliding with what places it.
+    assert pulley.drag == (0.1 if (former, later) == ("torque", "torque") else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "length"),
+    [
+        ({"elongation": 0.05}, (0.8 + 0.2 * math.pi) / 1.05),
+        ({"tension": 2500.0}, (0.8 + 0.2 * math.pi) / 1.05),
+        ({"belt.length": 1.4}, 1.4),
+        ({"belt.length": 1.4, "pulleys.1.center.0": 0.5}, 1.4),
+        ({"pulleys.1.center.0": 0.5}, (1.0 + 0.2 * math.pi) / 1.03),
+    ],
+    ids=str,
+)
+def test_length_elongation_and_tension_replace_each_other(values, length):
+    pulleys = (Pulley(radius=0.1, center=(0, 0), omega=1), Pulley(radius=0.1, center=(0.4, 0), torque=0))
+    belt = StiffnessBelt(bending_stiffness=0.4, extensional_stiffness=5e4, shear_stiffness=2e4)
+    scene = with_values(Scene(belt=belt, pulleys=pulleys, closed=True, elongation=0.03), values)
+    assert scene.belt.length == pytest.approx(length, rel=1e-15)
+    assert with_values(scene, {"tension": 100.0}).tension == 100.0
+
+
+def test_clamps_replace_the_span_and_the_other_way_round():
+    clamps = [[-0.4, 0.0, 0.0], [0.5, 0.0, 0.0]]
+    scene = with_values(Scene(span=0.9), {"clamps": clamps})
+    assert scene.ends == ((-0.4, 0.0, 0.0), (0.5, 0.0, 0.0))
+    assert with_values(scene, {"clamps.0.0": -0.45, "gravity.1": -9.81}).ends[0] == (-0.45, 0.0, 0.0)
+    assert with_values(scene, {"span": 0.9}) == Scene(span=0.9)
 
 
 def test_two_drives_at_once_are_refused():

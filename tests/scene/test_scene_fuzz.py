@@ -39,6 +39,11 @@ scenes = st.fixed_dictionaries(
         "pulleys": st.lists(tables(Pulley) | values, max_size=2) | values,
         "span": numbers | values,
         "transport_rate": numbers | values,
+        "clamps": values,
+        "closed": st.booleans() | values,
+        "gravity": values,
+        "elongation": numbers | values,
+        "tension": numbers | values,
     },
 )
 
@@ -56,6 +61,38 @@ def scene_or_error(make):
 @fuzzed
 @given(data=scenes | values)
 def test_any_data(data):
+    scene = scene_or_error(lambda: scene_from_dict(data))
+    if scene is not None:
+        assert scene_from_dict(scene_to_dict(scene)) == scene
+        scene_or_error(scene.dimensionless)
+
+
+# Mostly numbers with which pulleys and a belt can come together.
+likely = st.floats(-1.0, 1.0) | st.floats(-1.0, 1.0) | st.floats(-1.0, 1.0) | numbers
+places = st.lists(likely, min_size=2, max_size=2)
+pulleys = st.builds(
+    lambda place, name, value, more: place | {name: value} | more,
+    st.fixed_dictionaries(
+        {"radius": st.floats(0.02, 0.2), "center": places, "side": st.sampled_from(["right", "left"])}
+    ),
+    st.sampled_from(["omega", "torque", "slip_angle", "x_trans"]),
+    st.sampled_from([1.0, 0.0]) | likely,
+    st.just({}) | st.just({}) | st.fixed_dictionaries({"take_up": places, "force": likely}),
+)
+drives = st.fixed_dictionaries(
+    {"pulleys": st.lists(pulleys, min_size=1, max_size=4), "closed": st.booleans()},
+    optional={
+        "belt": st.fixed_dictionaries({}, optional={"length": likely, "contact_offset": st.just(0.01) | likely}),
+        "clamps": st.lists(st.lists(likely, min_size=3, max_size=3), min_size=2, max_size=2),
+        "elongation": likely,
+        "transport_rate": likely,
+    },
+)
+
+
+@fuzzed
+@given(data=drives)
+def test_any_drive(data):
     scene = scene_or_error(lambda: scene_from_dict(data))
     if scene is not None:
         assert scene_from_dict(scene_to_dict(scene)) == scene

@@ -1,0 +1,187 @@
+# %% [markdown]
+# # Stress test of drives: closed loops at random
+#
+# Loops of two to six pulleys on either side of the belt: thin and thick, fast and at rest, hardly loaded and near their
+# capacity, with gravity and with a touching fibre off the middle line. The load is a part of what the exact string
+# transmits. Each is solved twice, at two tolerances, so that an answer that is silently wrong shows.
+#
+#     python demos/studies/stress_drives.py             300 loops
+#     python demos/studies/stress_drives.py --readme    writes the table into the README
+
+# %%
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from readme import write_into_readme
+from stress import Draw
+
+from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, bvp
+from belt_fenicsx.scene.path import taut_path
+from belt_fenicsx.solution.stages import Stopped
+from belt_fenicsx.taut_string.drive import capacities, string_drive
+
+RTOL, TIGHT, AGREEMENT = 1e-8, 1e-10, 1e-7
+SLOWEST = 3  # loops that are named
+LEAST_WRAP = math.radians(5.0)
+SPEED = 10.0  # of the first pulley's surface [m/s]
+
+
+# %% [markdown]
+# ## Loops
+#
+# Some pulleys lie inside of the loop, on a polygon. Between two of them, an idler may press on the belt's back.
+# One pulley is given its speed, one or two have a torque, the others turn freely.
+
+
+# %%
+def places(draw: Draw) -> list[Pulley] | None:
+    """Pulleys of a loop, in the order of travel; None where there is no room for them."""
+    inside = int(draw.one_of(("2", "2", "3", "4")))
+    turns = sorted((draw.even(0.0, 2.0 * math.pi) for _ in range(inside)), reverse=True)
+    centers = [draw.even(0.5, 1.0) * np.array([math.cos(turn), draw.even(0.3, 1.0) * math.sin(turn)]) for turn in turns]
+    radii = [draw.logarithmic(0.05, 0.35) for _ in range(inside)]
+    friction = draw.logarithmic(0.02, 1.0)
+    pulleys = []
+    for i, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+        pulleys.append(Pulley(radius=radius, center=tuple(center.tolist()), friction=friction))
+        if len(pulleys) < 6 and draw.even(0.0, 1.0) < 0.4:
+            following, along = centers[(i + 1) % inside], draw.even(0.35, 0.65)
+            way = following - center
+            aside = np.array([-way[1], way[0]]) / math.hypot(*way)
+            idler = draw.logarithmic(0.04, 0.15)
+            edge = (1.0 - along) * radius + along * radii[(i + 1) % inside]
+            pressed = center + along * way + aside * (edge + idler - draw.even(0.05, 0.6) * edge)
+            pulleys.append(Pulley(radius=idler, center=tuple(pressed.tolist()), friction=friction, side="left"))
+    return pulleys
+
+
+def loop(draw: Draw) -> Scene | None:
+    """A loop at random; None where its pulleys have no room, or the load no taut string."""
+    pulleys = places(draw)
+    strain, ratio, nu = draw.logarithmic(0.003, 0.04), draw.logarithmic(0.005, 0.12), draw.even(0.0, 0.49)
+    smallest = min(pulley.radius for pulley in pulleys)
+    belt = Belt(
+        youngs_modulus=draw.logarithmic(1e7, 1e10), poisson_ratio=nu, thickness=ratio * smallest, width=smallest / 2,
+    )  # fmt: skip
+    if draw.one_of(("middle", "surface")) == "surface":
+        belt = replace(belt, contact_offset=belt.thickness / 2)
+    if draw.one_of(("slow", "fast")) == "fast":
+        # The centrifugal part rho c^2 of the stress, up to half of that of the pretension.
+        belt = replace(belt, density=draw.even(0.01, 0.5) * strain * belt.youngs_modulus / SPEED**2)
+    gravity = (0.0, draw.one_of(("0", "-9.81"))) if belt.density else (0.0, 0.0)
+    count, load, second = len(pulleys), draw.even(0.05, 0.95), draw.even(-0.5, 0.5)
+    driver, driven = sorted((int(draw.even(0, count)), int(draw.even(0, count))))
+    if driver == driven:
+        return None
+    torques = [0.0] * count
+    torques[driven] = 1.0
+    if count > 2 and (other := int(draw.even(0, count))) not in (driver, driven):
+        torques[other] = second
+    try:
+
+        def made(scale: float) -> Scene:
+            given = [
+                replace(p, omega=SPEED / p.radius) if i == driver else replace(p, torque=scale * torques[i])
+                for i, p in enumerate(pulleys)
+            ]
+            down = (0.0, float(gravity[1]))
+            return Scene(belt=belt, pulleys=tuple(given), closed=True, elongation=strain, gravity=down)
+
+        small = made(1e-6 * belt.extensional_stiffness * strain * smallest)
+        if min(arc.wrap for arc in taut_path(small).arcs) < LEAST_WRAP:
+            return None
+        dimensionless, units = small.dimensionless()
+        transmitted = capacities(dimensionless, string_drive(dimensionless))
+        most = min(abs(t / torque) for t, torque in zip(transmitted, torques, strict=True) if torque)
+        drivers = abs(transmitted[driver]) / abs(sum(torques))
+        return made(load * min(most, drivers) * units.of(length=1, force=1))
+    except (SceneError, Stopped):
+        return None
+
+
+def loops(count: int, seed: int) -> Iterator[Scene]:
+    """Draws loops."""
+    draw, drawn = Draw(seed), 0
+    while drawn < count:
+        scene = loop(draw)
+        if scene is not None:
+            yield scene
+            drawn += 1
+
+
+# %% [markdown]
+# ## Outcomes
+
+
+# %%
+@dataclass(frozen=True)
+class Outcome:
+    """How a loop ended: its number, its answer, its wall time [s], and how far a tighter answer is apart."""
+
+    number: int
+    scene: Scene
+    answer: Solution
+    seconds: float
+    difference: float
+
+
+def difference(one: Solution, other: Solution) -> float:
+    """Largest difference of the transport rate, of speeds, and of torques over the radius times the tension."""
+    tension = max(span.tension[1] for span in other.spans)
+    found = [one.transport_rate / other.transport_rate - 1.0]
+    for a, b, pulley in zip(one.contacts, other.contacts, one.scene.pulleys, strict=True):
+        found += [a.omega / b.omega - 1.0, (a.torque - b.torque) / (pulley.radius * tension)]
+    return max(map(abs, found))
+
+
+def outcome(number: int, scene: Scene) -> Outcome:
+    """Solves a loop at two tolerances."""
+    began = time.perf_counter()
+    answer = bvp.solve(scene, rtol=RTOL, throw=False)
+    seconds = time.perf_counter() - began
+    apart = math.nan
+    if answer.success:
+        tighter = bvp.solve(scene, rtol=TIGHT, throw=False)
+        apart = difference(answer, tighter) if tighter.contacts else math.inf
+    return Outcome(number, scene, answer, seconds, apart)
+
+
+def report(outcomes: list[Outcome]) -> str:
+    """Table of the outcomes, the slowest loops, and the largest difference."""
+    counts = Counter(result.answer.status.name for result in outcomes)
+    lines = ["| outcome | loops |", "| --- | --- |", *(f"| {cause} | {n} |" for cause, n in counts.most_common()), ""]
+    apart = [result.difference for result in outcomes if result.answer.success]
+    seconds = np.array([result.seconds for result in outcomes])
+    worst = ", ".join(
+        f"loop {outcomes[i].number} in {1e3 * seconds[i]:.0f} ms" for i in np.argsort(seconds)[::-1][:SLOWEST]
+    )
+    lines += [
+        f"Largest difference from the answer at rtol {TIGHT:g}: {max(apart, default=0.0):.1e}.",
+        f"Median time {1e3 * np.median(seconds):.0f} ms. Slowest: {worst}.",
+    ]
+    return "\n".join(lines)
+
+
+# %%
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Solves closed loops at random.")
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--readme", action="store_true", help="write the table into the README")
+    arguments = parser.parse_args()
+    finished = [outcome(number, scene) for number, scene in enumerate(loops(arguments.count, arguments.seed))]
+    text = f"{arguments.count} loops, seed {arguments.seed}.\n\n{report(finished)}"
+    print(text)
+    for result in finished:
+        if not result.answer.success or not result.difference <= AGREEMENT:
+            said = (result.answer.message, *result.answer.violations)
+            print(f"\n{result.number}: {result.answer.status.name} {' '.join(said)}, difference {result.difference:.1e}")
+    if arguments.readme:
+        write_into_readme("stress of drives", text)
