@@ -50,8 +50,10 @@ class Method(NamedTuple):
 
 METHODS = {
     "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
-    "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
     "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc", general=True),
+    "augmented-lagrangian": Method(
+        "lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed", general=True
+    ),
     "string": Method("taut_string.method", False, (), "which is exact", general=True),
 }
 

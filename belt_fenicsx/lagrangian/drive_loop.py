@@ -72,7 +72,8 @@ class DriveRun(Run):
         scene, space, old = self.task.scene, self.problem.space, self.multipliers
         d = self.problem.circles[state.pulley.astype(int), 3]
         held = old.f + friction * state.dD
-        own = np.stack([state.weight, state.x + d * np.sin(state.theta), state.stretch, held, p, old.f, state.pulley])
+        x = state.x + d * np.sin(state.theta)
+        own = np.stack([state.sigma, state.weight, x, state.g, state.stretch, held, p, old.f, state.pulley])
         table = space.gather(np.moveaxis(own, 0, -1).reshape(-1, len(own))).T.reshape(len(own), -1, state.x.shape[1])
         *columns, before, number = table
         on = [number[:, 0] == i for i in range(len(scene.pulleys))]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx.lagrangian.drive_forms import DriveState
-from belt_fenicsx.lagrangian.grip import Grip
+from belt_fenicsx.lagrangian.grip import Grip, lift_off
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.lagrangian.reading import SHORTEST_RUN
 from belt_fenicsx.lagrangian.track import Track
@@ -177,8 +177,8 @@ def _on_pulley(
     p, f, share = multipliers.p[on], multipliers.f[on], grip.share.ravel()
     touching = np.flatnonzero(p > 0.0)
     first, last = int(touching[0]), int(touching[-1])
-    runs = [Run(FREE, _lift_off(state, int(on[first]), -1), int(on[first]))]
-    off = _lift_off(state, int(on[last]), 1)
+    runs = [Run(FREE, lift_off(state.sigma, state.g, int(on[first]), -1), int(on[first]))]
+    off = lift_off(state.sigma, state.g, int(on[last]), 1)
     if pulley.friction == 0.0:
         return [*runs, Run(Part("slip", pulley=index), off, int(on[last]) + 1)]
     held = np.where(np.abs(f) < pulley.friction * p, STICKS, np.where(f < 0.0, FORWARD, BACKWARD))
@@ -216,17 +216,3 @@ def _absorbed(kinds: Array) -> Array:
         if end - start < SHORTEST_RUN and kinds[start] != SLIDES and len(ends) > 1:
             kinds[start:end] = kinds[start - 1] if start else kinds[end]
     return kinds
-
-
-def _lift_off(state: DriveState, last: int, outwards: int) -> float:
-    """Border of contact between its last point and the first free one.
-
-    The gap grows with the square of the distance from it.
-    """
-    touching, near, far = (last + i * outwards for i in range(3))
-    far_gap, gap = np.sqrt(np.maximum(-state.g.take([far, near], mode="clip"), 0.0))
-    if far_gap <= gap:
-        return float(state.sigma[near] + state.sigma[touching]) / 2.0
-    place = float(state.sigma[near] + (state.sigma[near] - state.sigma[far]) * gap / (far_gap - gap))
-    inside = float(0.9 * state.sigma[touching] + 0.1 * state.sigma[near])
-    return max(place, inside) if outwards > 0 else min(place, inside)

@@ -25,18 +25,28 @@ class Points(NamedTuple):
     """What counts of the points along the belt that are nearest to one pulley ``(cells, points)``.
 
     Attributes:
+        sigma: Material-length coordinate.
         weight: Gauss weight, a material length.
         x: Global coordinate x of the touching fibre.
+        g: Penetration.
         stretch: Stretch of the touching fibre.
         held: Friction that would keep the stretch.
         p: Pressure.
     """
 
+    sigma: Array
     weight: Array
     x: Array
+    g: Array
     stretch: Array
     held: Array
     p: Array
+
+    @property
+    def edges(self) -> Array:
+        """Ends of the points' parts of their cells ``(cells points + 1,)``."""
+        start = self.sigma[0].mean() - self.weight[0].sum() / 2.0
+        return start + np.append(0.0, np.cumsum(self.weight))
 
 
 class Grip(NamedTuple):
@@ -55,11 +65,6 @@ class Grip(NamedTuple):
     sense: float
     level: float
     lacking: float = 0.0
-
-    @property
-    def slides(self) -> float:
-        """Whether anything slides before the run-off."""
-        return bool(np.any(self.share > 0.0))
 
 
 def gripped(pulley: Pulley, at: Points, force: float | None) -> Grip:
@@ -112,18 +117,37 @@ def _placed(pulley: Pulley, at: Points) -> Array:
     """The share of sliding at a given place, or within a given angle before the run-off."""
     if pulley.x_trans in (RUN_UP, RUN_OFF):
         return np.full_like(at.x, float(pulley.x_trans == RUN_UP))
-    width = at.weight * at.stretch
+    touching, edges = np.flatnonzero(at.p > 0.0), at.edges
     if isinstance(pulley.x_trans, float):
+        x, sigma = at.x.ravel()[touching], at.sigma.ravel()[touching]
         # The belt passes the place in the sense of x, or against it where it lies below the pulley.
-        touching = np.flatnonzero(at.p > 0.0)
-        x = at.x.ravel()
-        onwards = 1.0 if touching.size < 2 or x[touching[-1]] > x[touching[0]] else -1.0
-        slope = np.gradient(x, np.cumsum(width.ravel())).reshape(at.x.shape)
-        return np.clip(onwards * (at.x - pulley.x_trans) / (width * np.abs(slope)) + 0.5, 0.0, 1.0)
-    angle = (width * (at.p > 0.0) / pulley.radius).ravel()
-    behind = angle.sum() - np.cumsum(angle)
-    share = np.clip((pulley.drive.by("slip_angle") - behind) / np.where(angle > 0.0, angle, 1.0), 0.0, 1.0)
-    return np.where(angle > 0.0, share, 0.0).reshape(at.x.shape)
+        onwards = 1.0 if x[-1] >= x[0] else -1.0
+        start = float(np.interp(onwards * pulley.x_trans, onwards * x, sigma))
+    else:
+        angle = np.append(0.0, np.cumsum(at.weight * at.stretch / pulley.radius))
+        off = lift_off(at.sigma.ravel(), at.g.ravel(), int(touching[-1]), 1)
+        start = float(np.interp(np.interp(off, edges, angle) - pulley.drive.by("slip_angle"), angle, edges))
+    return np.clip((edges[1:] - start) / at.weight.ravel(), 0.0, 1.0).reshape(at.x.shape)
+
+
+def lift_off(sigma: Array, g: Array, last: int, outwards: int) -> float:
+    """Border of contact between its last point and the first free one.
+
+    The gap grows with the square of the distance from it.
+
+    Args:
+        sigma: Coordinates of points ``(n,)``.
+        g: Penetrations there.
+        last: Number of the last point in contact.
+        outwards: Whether free points follow, 1, or go before, -1.
+    """
+    touching, near, far = np.clip([last + i * outwards for i in range(3)], 0, len(sigma) - 1)
+    far_gap, gap = np.sqrt(np.maximum(-g[[far, near]], 0.0))
+    if far_gap <= gap:
+        return float(sigma[near] + sigma[touching]) / 2.0
+    place = float(sigma[near] + (sigma[near] - sigma[far]) * gap / (far_gap - gap))
+    inside = float(0.9 * sigma[touching] + 0.1 * sigma[near])
+    return max(place, inside) if outwards > 0 else min(place, inside)
 
 
 class Levels(NamedTuple):
