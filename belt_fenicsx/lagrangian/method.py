@@ -4,6 +4,9 @@ Where the borders of the contact zone are is not known before, so a fine mesh st
 (`loop.Run`, on each of them), from which its errors are estimated, too (`accuracy`). Ranks share the meshes that are
 large enough for it; small ones the first rank solves alone. The answer is as good as the mesh, which knows the contact
 zone to a part of an element.
+
+More than the source's one pulley between clamps with a given transition is a drive (`drive_loop.DriveRun`): several
+pulleys, loops, loads, a fibre that touches, speeds and torques.
 """
 
 from __future__ import annotations
@@ -37,8 +40,9 @@ from belt_fenicsx.solution.status import Status
 
 TOLERANCES = Tolerances()
 
-# Where neither a number of elements nor a mesh is given, this number is taken.
-ELEMENTS = 100
+# Where neither a number of elements nor a mesh is given, this number is taken; for a drive, so many for each pulley, or
+# more where its layers ask for them.
+ELEMENTS, DRIVE_ELEMENTS = 100, 200
 
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.
 HALVINGS, COARSEST = 2, 8
@@ -70,8 +74,8 @@ def solve(
         message says which one would do.
 
     Raises:
-        SceneError: The pulley is driven in another way, the transition is not in the contact zone, the mesh is none of
-            this belt, ranks that solve together ask for different things, or do so from a thread.
+        SceneError: A pulley moves by a take-up, a transition is not in the contact zone, the mesh is none of this belt,
+            ranks that solve together ask for different things, or do so from a thread.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     tolerances = TOLERANCES if tolerances is None else tolerances
@@ -112,7 +116,8 @@ def _is_drive(scene: Scene) -> bool:
 def _nodes(scene: Scene, plain: Scene, units: Units, elements: int | None, mesh: Any) -> Array:
     """Positions of the nodes ``(elements + 1,)`` in the belt's length; those of a loop as `Track` counts them."""
     if _is_drive(scene) and mesh is None:
-        return Track.of(plain).nodes(plain, elements or ELEMENTS * len(scene.pulleys))
+        track = Track.of(plain)
+        return track.nodes(plain, elements or max(DRIVE_ELEMENTS * len(scene.pulleys), track.elements(plain)))
     nodes = _positions(scene, elements, mesh) / units.length
     return Track.of(plain).rolled(nodes) if scene.closed else nodes
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from belt_fenicsx.lagrangian.accuracy import FEWEST
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN, bending_layer, shear_layer
 from belt_fenicsx.scene.path import Arc, Line, taut_path
@@ -16,6 +17,9 @@ from belt_fenicsx.scene.scene import Scene
 # Elements are equal up to so many bending layers from where the taut belt touches, since the real one does elsewhere;
 # from there on they grow, to so many times the length at most.
 NEAR, LARGEST = 2.0, 4.0
+# An element next to contact has at most this part of a bending layer, if their number is not given.
+RESOLVED = 0.35
+COUNTED = 10_000  # Points at which elements are counted.
 
 
 @dataclass(frozen=True)
@@ -105,16 +109,28 @@ class Track:
         moved = np.concatenate([nodes[first:], nodes[1 : first + 1] + 1.0])
         return moved - moved[0] - 0.5
 
+    def elements(self, scene: Scene) -> int:
+        """Number of elements that resolve the bending layers and the shortest contact."""
+        lengths = [float(self.ends[i + 1] - self.ends[i]) for i in self.touching]
+        size = min(RESOLVED * bending_layer(scene, self.strain), min(lengths) / (2 * FEWEST))
+        _, count = self._counted(scene, COUNTED)
+        return math.ceil(count[-1] / size)
+
     def nodes(self, scene: Scene, elements: int) -> Array:
         """Nodes of elements that are smaller where contact begins and ends, and at clamps ``(elements + 1,)``."""
+        sigma, count = self._counted(scene, 64 * elements)
+        nodes = np.interp(np.linspace(0.0, count[-1], elements + 1), count, sigma)
+        nodes[[0, -1]] = -0.5, 0.5
+        return nodes
+
+    def _counted(self, scene: Scene, points: int) -> tuple[Array, Array]:
+        """Places along the belt, and the elements up to there in units of the smallest one's length."""
         layer = bending_layer(scene, self.strain)
         inside = min(layer, shear_layer(scene, self.strain))
-        sigma = np.linspace(-0.5, 0.5, 64 * elements + 1)
+        sigma = np.linspace(-0.5, 0.5, points + 1)
         size = np.full_like(sigma, LARGEST)
         for end in self.ends[1:-1] if scene.closed else self.ends:
             way = np.abs(sigma - end)
             size = np.minimum(size, 1.0 + np.maximum(0.0, way - NEAR * layer) / (2.0 * inside))
-        count = np.append(0.0, np.cumsum((1.0 / size[1:] + 1.0 / size[:-1]) / 2.0))
-        nodes = np.interp(np.linspace(0.0, count[-1], elements + 1), count, sigma)
-        nodes[[0, -1]] = -0.5, 0.5
-        return nodes
+        pieces = np.diff(sigma) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0
+        return sigma, np.append(0.0, np.cumsum(pieces))
