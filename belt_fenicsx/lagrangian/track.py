@@ -20,6 +20,7 @@ NEAR, LARGEST = 2.0, 4.0
 # An element next to contact has at most this part of a bending layer, if their number is not given.
 RESOLVED = 0.35
 COUNTED = 10_000  # Points at which elements are counted.
+MOST = 10_000  # More elements are for those who ask for them.
 
 
 @dataclass(frozen=True)
@@ -110,11 +111,11 @@ class Track:
         return moved - moved[0] - 0.5
 
     def elements(self, scene: Scene) -> int:
-        """Number of elements that resolve the bending layers and the shortest contact."""
+        """Number of elements that resolve the bending layers and the shortest contact, within reason."""
         lengths = [float(self.ends[i + 1] - self.ends[i]) for i in self.touching]
         size = min(RESOLVED * bending_layer(scene, self.strain), min(lengths) / (2 * FEWEST))
         _, count = self._counted(scene, COUNTED)
-        return math.ceil(count[-1] / size)
+        return min(MOST, math.ceil(count[-1] / size))
 
     def nodes(self, scene: Scene, elements: int) -> Array:
         """Nodes of elements that are smaller where contact begins and ends, and at clamps ``(elements + 1,)``."""
