@@ -43,7 +43,8 @@ def increments(z: Array, points: Array) -> Array:
 
 
 class Cells(NamedTuple):
-    """Linearised cells: K + dK, with dK = missed + by_start dz + by_length dL + by_rate dc, stages and unknowns as one axis.
+    """Linearised cells: K + dK, with dK = missed + by_start dz + by_length dL + by_rate dc, stages and unknowns as one
+    axis.
 
     Attributes:
         inverse: What turns a residual of the increments into the increments ``(parts, cells, s n, s n)``.

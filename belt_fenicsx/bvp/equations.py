@@ -7,17 +7,18 @@ dphi/dsigma. With c^2 times the belt's inertia shifted into force and moment,
     N = Q - rho A c^2 r'          M* = (a - rho I c^2) kappa
     N' + f t + s p n + rho A g = 0        M*' + r' x N + d q1 = 0             (18.17), with inertia and gravity
 
-where s = +1 for a pulley on the right of the belt and -1 for one on its left, d = s e is the distance of the middle line
-from the touching fibre, and q1 = f cos psi + s p sin psi is what that fibre gets along the cross-section's first axis.
+where s = +1 for a pulley on the right of the belt and -1 for one on its left, d = s e is the distance of the middle
+line from the touching fibre, and q1 = f cos psi + s p sin psi is what that fibre gets along the cross-section's first
+axis.
 
-In a free span N changes by the weight alone. On a pulley it is the touching fibre that runs on the circle: phi and D are
-the angle of its tangent and its stretch, phi' = -s D / R, and with psi = theta - phi
+In a free span N changes by the weight alone. On a pulley it is the touching fibre that runs on the circle: phi and D
+are the angle of its tangent and its stretch, phi' = -s D / R, and with psi = theta - phi
 
     eps = D cos psi - 1 - d kappa         Gamma = -D sin psi                  (18.6), with the offset d
 
 so that the balance of forces gives the tractions p and f. Stick keeps D. Sliding adds the equation f + m p = 0 with
-m = mu forward and -mu backward, which is linear in D' and solved for it. It is (18.22) for backward sliding, and (18.22)
-with -mu in place of mu for the forward sliding that the source means.
+m = mu forward and -mu backward, which is linear in D' and solved for it. It is (18.22) for backward sliding, and
+(18.22) with -mu in place of mu for the forward sliding that the source means.
 
 No equation is linearised by hand: `linearised` takes derivatives by a complex step. So rates and states are analytic
 functions, without abs, hypot, arctan2 or bounds, of arrays ``(n, ..., parts, points)``.
@@ -27,7 +28,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -127,7 +129,8 @@ class Free:
 
 @dataclass(frozen=True)
 class OnPulleys:
-    """Parts on pulleys: unknowns phi, psi, kappa, the strain D - 1 of the touching fibre, and the integral of friction f.
+    """Parts on pulleys: unknowns phi, psi, kappa, the strain D - 1 of the touching fibre, and the integral of friction
+    f.
 
     Attributes:
         radius: Radii of their pulleys ``(parts, 1)``.
@@ -146,10 +149,10 @@ class OnPulleys:
     size = 5
     bending = 2
 
-    def of(self, part: int) -> OnPulleys:
+    def of(self, part: int) -> Self:
         """One of the parts alone."""
-        one = slice(part, part + 1)
-        return OnPulleys(self.radius[one], self.center[:, one], self.turn[one], self.slope[one], self.slides[one])
+        own = {f.name: getattr(self, f.name)[..., part : part + 1, :] for f in fields(self)}
+        return replace(self, **own)
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         """Derivatives of the unknowns ``(5, ...)``."""
@@ -234,3 +237,42 @@ class OnPulleys:
         q2 = kappa * N1 - b2 * (stretch_rate * sin + D * cos * psi_rate) + w2
         f, p = q2 * sin - q1 * cos, -self.turn * (q1 * sin + q2 * cos)
         return np.array([phi_rate, psi_rate, kappa_rate, stretch_rate + 0.0 * phi, f, p])
+
+
+@dataclass(frozen=True)
+class Creeping(OnPulleys):
+    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p tanh((D - S) / width).
+
+    S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction
+    is nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told
+    before.
+
+    Attributes:
+        friction: mu ``(parts, 1)``.
+        width: Difference of stretches at which friction is large ``(parts, 1)``.
+    """
+
+    friction: Array
+    width: Array
+
+    size = 6
+
+    def grip(self, y: Array) -> Array:
+        """Part of mu p that friction is, positive where the belt slides forward ``(...)``."""
+        return np.tanh((y[3] - y[5]) / self.width)
+
+    def rate(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Derivatives of the unknowns ``(6, ...)``."""
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y))
+        return np.concatenate([(kept + stretch_rate * gained)[:5], np.zeros_like(y[:1])])
+
+    def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
+        """Pressure p and friction f ``(...)`` each."""
+        slope = self.friction * self.grip(y)
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, slope)
+        p = (kept + stretch_rate * gained)[5]
+        return p, -slope * p
+
+    def joined(self, rod: Rod, y: Array, c: Array) -> Array:
+        """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
+        return super().joined(rod, y[:5], c)

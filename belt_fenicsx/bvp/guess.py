@@ -79,7 +79,6 @@ def from_fields(problem: Problem, solution: Solution, cells: int = COARSE) -> Di
     fields, rod = solution.fields.in_units(units.inverse()), problem.rod
     lengths = np.array([(zone.sigma[1] - zone.sigma[0]) / units.length for zone in solution.zones])
     rate = solution.transport_rate / units.rate
-    G = rod.density * rate**2
     N = fields.Q - rod.density * rate**2 * np.column_stack([1.0 + fields.eps, fields.Gamma])
     force = (N[:, 0] + 1j * N[:, 1]) * np.exp(1j * fields.theta)
 
@@ -92,7 +91,9 @@ def from_fields(problem: Problem, solution: Solution, cells: int = COARSE) -> Di
             return np.interp(at, sigma, values[here])
 
         if problem.parts[part].touches:
-            return np.array([of(fields.phi), of(fields.theta - fields.phi), of(fields.kappa), of(fields.D - 1.0), 0.0 * at])
+            return np.array(
+                [of(fields.phi), of(fields.theta - fields.phi), of(fields.kappa), of(fields.D - 1.0), 0.0 * at]
+            )
         if rod.weight == (0.0, 0.0):
             mean = np.average(force[here], weights=fields.weight[here])
             X, Y = np.full_like(at, mean.real), np.full_like(at, mean.imag)
@@ -139,7 +140,7 @@ def divided(old: Problem, discrete: Discrete, new: Problem, ends: Array) -> Disc
         for i in np.unique(index):
             here = index == i
             inside = np.clip((sigma[here] - before[i]) / max(before[i + 1] - before[i], 1e-300), 0.0, 1.0)
-            result[:, here] = old_values(int(i), inside)
+            result[:, here] = old_values(int(i), inside)[:5]
         result[4] = 0.0
         if new.parts[part].kind == "stick":
             sticks = [i for i in on if old.parts[i].kind == "stick"]
@@ -162,7 +163,8 @@ def from_drive(problem: Problem, string: StringDrive, cells: int = COARSE) -> Di
             radius, turn = on.radius[0, 0], on.turn[0, 0]
             # The touching fibre's stretch is as much smaller as its radius is.
             strain = D * radius / (radius + rod.offset) - 1.0
-            return np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero])
+            known = np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero, zero + strain[0]])
+            return known[: on.size]
         return np.array([x, y, phi, zero, own.force[0] * np.cos(phi), own.force[0] * np.sin(phi)])
 
     lengths = np.array([own.length for own in string.parts])

@@ -1,7 +1,7 @@
 """Newton's iteration on meshes graded by the belt's boundary layers, and the error of what it finds.
 
-All meshes are uniform in the coordinates of the parts' maps, which widen the layers. So errors fall with a clean power of
-the number of cells, and two meshes show them.
+All meshes are uniform in the coordinates of the parts' maps, which widen the layers. So errors fall with a clean power
+of the number of cells, and two meshes show them.
 """
 
 from __future__ import annotations
@@ -237,8 +237,8 @@ def refined(
     Args:
         problem: The problem.
         coarse: Its solution on a coarse mesh.
-        change: How far two solutions differ in each of the things that are asked for ``(q,)``: first a functional, which
-            ends of cells tell, and then fields.
+        change: How far two solutions differ in each of the things that are asked for ``(q,)``: first a functional,
+            which ends of cells tell, and then fields.
         wanted: The errors of them that are allowed ``(q,)``.
         work: What may be spent.
         closer: The end of Newton's iteration, over the first error that is allowed.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from belt_fenicsx.bvp.equations import Free, OnPulleys, Rod, linearised
+from belt_fenicsx.bvp.equations import Free, OnPulleys, Rod
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part
 
@@ -24,7 +24,9 @@ SAME = 1.5  # Ratio of widths up to which a map is kept.
 
 @dataclass(frozen=True)
 class End:
-    """Unknowns at an end of a part, as a condition sees them: ``y`` ``(n, ...)``, the part's length, and its equations."""
+    """Unknowns at an end of a part, as a condition sees them: ``y`` ``(n, ...)``, the part's length, and its
+    equations.
+    """
 
     y: Array
     length: Array
@@ -46,7 +48,9 @@ class Condition:
 
 @dataclass(frozen=True)
 class Joining:
-    """Two parts that are continuous where they meet; over the joint the angle changes by ``jump``, in a loop's last one."""
+    """Two parts that are continuous where they meet; over the joint the angle changes by ``jump``, in a loop's last
+    one.
+    """
 
     before: int
     after: int

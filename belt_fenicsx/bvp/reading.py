@@ -134,7 +134,8 @@ def samples(problem: Problem, layout: Layout, discrete: Discrete, pieces: int = 
     found = table(problem, discrete, 1, np.tile(xi, (count, 1)))
     y = problem.contacts.unscaled(discrete.between(1, np.tile(xi, (count, 1))))
     inside, ends = places(discrete.widths, xi), discrete.ends
-    equations, parts = problem.moved(discrete.values.moves), []
+    equations = problem.moved(discrete.values.moves)
+    parts: list[Sample | None] = []
     for i, part in enumerate(problem.parts):
         if not part.touches:
             parts.append(None)
@@ -268,8 +269,8 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
     torques = tuple(torque(problem, layout, discrete, index) for index in range(len(scene.pulleys)))
     centers = [pulley.center for pulley in scene.pulleys]
     for take_up, move in zip(problem.take_ups, discrete.values.moves, strict=True):
-        (x, y), pulley = take_up.direction, layout.parts[take_up.parts[0]].pulley
-        centers[pulley] = (centers[pulley][0] + move * x, centers[pulley][1] + move * y)
+        direction, pulley = take_up.direction, layout.parts[take_up.parts[0]].pulley
+        centers[pulley] = tuple(at + move * way for at, way in zip(centers[pulley], direction, strict=True))
     zones = zones_of(scene, layout.parts, fields)
     contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, centers=centers)
     return dict(transport_rate=rate, contacts=contacts, zones=zones, fields=fields)

@@ -11,17 +11,19 @@ Its own ladder to a coarse state, each step for scenes in which those before it 
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from belt_fenicsx.bvp.creep import CELLS, WIDEST, creep_problem, narrowed, zones
 from belt_fenicsx.bvp.guess import divided, from_drive, from_string
 from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, ROUNDING, Discrete, Refined, Work, refined
 from belt_fenicsx.bvp.problem import Problem
 from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import LEAST_STRAIN, shear_layer
+from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
@@ -32,7 +34,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import StringDrive, string_drive, touching
+from belt_fenicsx.taut_string.drive import StringDrive, string_drive, undivided
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
@@ -42,7 +44,6 @@ CONTINUATIONS = (
     ("a", (0.1, 0.3, 1.0)),
     ("a", (10.0, 3.0, 1.0)),
 )
-SOFTER = (0.01, 0.03, 0.1, 0.3, 1.0)  # Bending stiffnesses on the way from the string, over the belt's.
 SHORTEST = 1e-6  # At least this part of the contact sticks, or slides, in a first guess.
 FINE, FINELY = 32, 1e-10  # Cells, and the end of Newton's iteration, for the comparison with a limit.
 FIELD, FINEST_FIELD = 1e4, 1e-8  # A field may have this error, over that of omega, and at least.
@@ -147,7 +148,9 @@ class Run:
 
     def is_plausible(self, state: State) -> bool:
         """Whether a state has a mechanical sense."""
-        return plausible(state.problem, state.layout, state.discrete)
+        # From a first guess of many rows, some parts get negative lengths; a revision leaves them out.
+        rough = self.end is None and not self.scene.is_published
+        return plausible(state.problem, state.layout, state.discrete, math.inf if rough else None)
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -210,33 +213,48 @@ class Run:
         return settle(self, state) if self.is_plausible(state) else state
 
     def _start_from_drive(self) -> State:
-        """A coarse state from the exact string of a drive; where that is not enough, from a softer belt's.
+        """A coarse state from the exact string of a drive; where that is not enough, from friction that lets it creep.
 
         Raises:
             Stopped: There is none.
         """
-        strings = [self.drive]
-        if self.scene.belt.contact_offset > 0.0:
-            strings.insert(0, touching(self.drive, shear_layer(self.scene, 0.0)))
-        for string in strings:
-            layout = ordered(self.scene, [own.part for own in string.parts if own.part.touches])
-            problem = self.pose(layout)
-            first = State(layout, problem, from_drive(problem, string, self.cells))
-            for run, why in ((self, "as they are"), (replace(self, positive=True), "by their logarithms")):
-                if (state := settle_from(run, first, "string", f"lengths {why}; {layout}")) is not None:
-                    return state
-        iterations, near = 0, first.discrete
-        for factor in SOFTER:
-            softer = replace(problem, rod=replace(problem.rod, a=factor * problem.rod.a))
-            near = self.work.newton(softer, near, NEWTON, "softer belt", positive=True)
-            iterations += near.iterations
-            if not near.converged:
-                break
-        self.stages.ran("softer belt", "the string did not lead to a plausible solution", iterations)
-        if not near.converged:
-            raise Stopped(Status.NEWTON_DIVERGED, f"The softer belt leaves {unsolved(near)}.")
-        state = State(layout, problem, near)
-        return settle(self, state) if self.is_plausible(state) else state
+        layout = ordered(self.scene, [own.part for own in self.drive.parts if own.part.touches])
+        problem = self.pose(layout)
+        first = State(layout, problem, from_drive(problem, self.drive, self.cells))
+        # What the string leads to on the coarsest mesh is no answer where another one is tried.
+        if self.cells == COARSE and (state := settle_from(self, first, "string", "its rows and fields")) is not None:
+            return state
+        if (crept := self._crept()) is not None:
+            if (state := settle_from(self, crept, "creep", f"its rows, {crept.layout}")) is not None:
+                return state
+        if (state := settle_from(self, first, "string", "its rows and fields")) is not None:
+            return state
+        raise Stopped(Status.NEWTON_DIVERGED, "Neither the string nor a belt that creeps leads to a plausible state.")
+
+    def _crept(self) -> State | None:
+        """A first guess from friction that grows with the speed of sliding; None where there is none."""
+        if any(pulley.drive.is_place for pulley in self.scene.pulleys):
+            return None
+        before = self.work.iterations
+        make = functools.partial(creep_problem, self.scene, self.tension, self.winding)
+        start = from_drive(make(WIDEST), undivided(self.drive), CELLS)
+        narrow = narrowed(make, start, self.work)
+        self.stages.ran("creep", "the string did not lead to a plausible state", self.work.iterations - before)
+        if narrow is None:
+            return None
+        lengths = narrow[1].values.lengths[narrow[0].contacts.parts]
+        if np.any(lengths <= 0.0):
+            index = int(np.argmin(lengths))
+            raise Stopped(
+                Status.CONTACT_LOST,
+                f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the wrap "
+                "before it touches. Let the pulley reach further in, or stretch the belt more.",
+                final=True,
+            )
+        parts, ends = zones(self.scene, *narrow)
+        layout = ordered(self.scene, parts)
+        problem = self.pose(layout)
+        return State(layout, problem, divided(*narrow, problem, ends))
 
     def _continued(self, layout: Layout) -> State:
         """A state on the coarse mesh, from the taut string along belts of other stiffness.

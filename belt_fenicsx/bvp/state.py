@@ -37,7 +37,13 @@ class State:
         return samples(self.problem, self.layout, self.discrete)
 
 
-def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> Problem:
+def pose(
+    scene: Scene,
+    layout: Layout,
+    tension: float,
+    winding: float = 0.0,
+    conditions: tuple[Condition, ...] | None = None,
+) -> Problem:
     """The boundary-value problem of a dimensionless scene on a layout.
 
     Args:
@@ -45,17 +51,9 @@ def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> 
         layout: The layout.
         tension: Typical force of the belt.
         winding: Angle by which a loop turns, from its first run-up round to it again.
+        conditions: The equations of joints, drives and take-ups, if others than those of the layout.
     """
-    belt, parts = scene.belt, layout.parts
-    rod = Rod(
-        a=belt.bending_stiffness,
-        b1=belt.extensional_stiffness,
-        b2=belt.shear_stiffness,
-        density=belt.line_density,
-        inertia=belt.rotary_inertia,
-        weight=(belt.line_density * scene.gravity[0], belt.line_density * scene.gravity[1]),
-        offset=belt.contact_offset,
-    )
+    parts, rod = layout.parts, rod_of(scene)
     radius, giving = min(pulley.radius for pulley in scene.pulleys), _giving(scene, layout)
     spans = [i for i, part in enumerate(parts) if not part.touches]
     touching = [i for i, part in enumerate(parts) if part.touches]
@@ -73,7 +71,7 @@ def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> 
         ),
         clamps=None if layout.closed else scene.ends,
         joinings=tuple(joinings),
-        conditions=tuple(_conditions(scene, layout, rod)),
+        conditions=tuple(_conditions(scene, layout, rod)) if conditions is None else conditions,
         take_ups=tuple(
             TakeUp(_unit(pulley.take_up), tuple(layout.on(index)))
             for index, pulley in enumerate(scene.pulleys)
@@ -82,6 +80,20 @@ def pose(scene: Scene, layout: Layout, tension: float, winding: float = 0.0) -> 
         rate=scene.transport_rate if scene.transport_rate is not None else None if scene.has_inertia else 0.0,
         giving=None if giving is None else (giving, scene.pulleys[giving].surface_speed),
         tension=tension,
+    )
+
+
+def rod_of(scene: Scene) -> Rod:
+    """The belt of a dimensionless scene."""
+    belt = scene.belt
+    return Rod(
+        a=belt.bending_stiffness,
+        b1=belt.extensional_stiffness,
+        b2=belt.shear_stiffness,
+        density=belt.line_density,
+        inertia=belt.rotary_inertia,
+        weight=(belt.line_density * scene.gravity[0], belt.line_density * scene.gravity[1]),
+        offset=belt.contact_offset,
     )
 
 
@@ -124,9 +136,15 @@ def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
                 yield Condition(((i, LAST), (transition, LAST)), _stretch_differs)
             elif index != giving and joint.equation != "loop":
                 yield _drive(scene, layout, index, giving)
-        if pulley.take_up is not None:
-            ends = ((on[0], FIRST), *((i, LAST) for i in on))
-            yield Condition(ends, functools.partial(_pushed, rod, _unit(pulley.take_up), pulley.force))
+        yield from take_up_conditions(scene, layout, index)
+
+
+def take_up_conditions(scene: Scene, layout: Layout, index: int) -> Iterator[Condition]:
+    """The condition of a pulley that moves: its hub load along the way is what pushes it there."""
+    pulley, on = scene.pulleys[index], layout.on(index)
+    if pulley.take_up is not None and pulley.force is not None:
+        ends = ((on[0], FIRST), *((i, LAST) for i in on))
+        yield Condition(ends, functools.partial(_pushed, rod_of(scene), _unit(pulley.take_up), pulley.force))
 
 
 def _onset(rod: Rod, slope: Array, ends: Sequence[End], c: Array) -> Array:

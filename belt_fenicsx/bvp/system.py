@@ -138,7 +138,9 @@ class System:
         Raises:
             RuntimeError: The matrix is singular.
         """
-        cells, blocks, row = [], [], 0
+        cells: list[Cells] = []
+        blocks: list[tuple[Array, Array, Array]] = []
+        row = 0
         for group, z, K, g in zip(self.problem.groups, values.z, values.K, self.g, strict=True):
             F, by_z, by_c = self._linearised_rates(group, inner(z, K), values)
             cell = linearised_cells(F, by_z, by_c, values.lengths[group.parts], g)
@@ -147,6 +149,7 @@ class System:
         _, rows, cols, entries = self._boundary(values, derivatives=True)
         blocks.append((np.array(rows) + row, np.array(cols), np.array(entries)))
         i, j, v = (np.concatenate(column) for column in zip(*blocks, strict=True))
+        assert i.max() + 1 == self.size, f"as many equations as unknowns on {[str(p) for p in self.problem.parts]}"
         matrix = csc_matrix((v, (i, j)), shape=(self.size, self.size))
         return Linear((cells[0], cells[1]), splu(matrix))
 
@@ -213,7 +216,9 @@ class System:
         return row + rows.size
 
     def _boundary(self, values: Values, *, derivatives: bool) -> tuple[Array, list[int], list[int], list[float]]:
-        """Residual of clamps, joints, conditions and the belt's length; rows, columns and entries of its derivatives."""
+        """Residual of clamps, joints, conditions and the belt's length; rows, columns and entries of its
+        derivatives.
+        """
         problem = self.problem
         writer = _Rows(self, values, derivatives)
         if problem.clamps is not None:
@@ -348,7 +353,9 @@ class _Rows:
 
 
 def _by_all(function: Callable[[Array, Array], Array], y: Array, c: float, unknown: bool) -> tuple[Array, Array]:
-    """Values and derivatives with respect to the unknowns ``(n, ...)`` and, if it is unknown, the transport rate last."""
+    """Values and derivatives with respect to the unknowns ``(n, ...)`` and, if it is unknown, the transport rate
+    last.
+    """
     if not unknown:
         return linearised(lambda z: function(z, np.asarray(c)), y)
     return linearised(lambda z: function(z[:-1], z[-1]), np.concatenate([y, np.full_like(y[:1], c)]))

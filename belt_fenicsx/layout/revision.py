@@ -24,6 +24,7 @@ import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part, sliding
+from belt_fenicsx.layout.layers import shear_layer
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.pulley import RUN_OFF, Pulley
@@ -32,7 +33,7 @@ from belt_fenicsx.scene.scene import Scene
 ROUNDING = 1e-14  # A stretch is known to about this.
 LEAST = 1e-3  # The part of a contact that a new part is long, at least, if nothing else tells its length.
 FURTHEST = 0.8  # Sliding takes this part of a stick part that holds nowhere, if it may hold later on.
-WORTH = 1e-4  # Sliding that turns in less, in belt lengths, is left as it is.
+WORTH = 1e-4, 1e-2  # Sliding that turns in less, in belt lengths and in shear layers, is left as it is.
 BEGINNING = 1e-2  # Sliding that is right in no more than this part of its length is wrong all along.
 
 
@@ -277,7 +278,7 @@ class _Contact:
         right = at.sigma[crossing] - at.sigma[0]
         if wrong[-1] and right <= BEGINNING * (at.sigma[-1] - at.sigma[0]) and not self.pulley.drive.is_place:
             return self.revised(why, [*parts[:i], parts[i].turned, *parts[i + 1 :]], ends)
-        if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < WORTH:
+        if wrong[-1] and at.sigma[-1] - at.sigma[crossing] < min(WORTH[0], WORTH[1] * shear_layer(self.scene, 0.0)):
             return None
         place = _crossing(at.sigma, ahead, crossing)
         return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])

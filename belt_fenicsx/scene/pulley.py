@@ -169,6 +169,11 @@ class Pulley:
             raise SceneError("x_trans", f"lie over the pulley, in ({low:g}, {high:g}) [m]", x_trans)
         return place
 
+    def driven(self, **drive: Any) -> Pulley:
+        """The pulley with another drive, or with none."""
+        nothing: dict[str, Any] = dict.fromkeys(DRIVES)
+        return replace(self, **{**nothing, "slip": None, "drag": 0.0, **drive})
+
     def dimensionless(self, units: Units) -> Pulley:
         """The pulley in these units."""
         center = (self.center[0] / units.length, self.center[1] / units.length)

@@ -20,8 +20,7 @@ from belt_fenicsx.taut_string.drive import at_capacity
 
 def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip: Slip) -> Scene:
     """The scene with a pulley that is driven by ``x_trans``."""
-    pulley = replace(scene.pulleys[0], x_trans=x_trans, slip=slip, omega=None, torque=None)
-    return replace(scene, pulleys=(pulley,))
+    return replace(scene, pulleys=(scene.pulleys[0].driven(x_trans=x_trans, slip=slip),))
 
 
 def ahead(scene: Scene, samples: Samples, index: int = 0) -> float:
@@ -74,7 +73,8 @@ def meets(method: Method[S], state: S) -> bool:
 
 
 def check_capacity(method: Method[S], slip: S, index: int) -> None:
-    """Checks that a torque is not beyond what sliding all along its pulley transmits, which has to be admissible itself.
+    """Checks that a torque is not beyond what sliding all along its pulley transmits, which has to be admissible
+    itself.
 
     Raises:
         Stopped: It is.
@@ -85,11 +85,12 @@ def check_capacity(method: Method[S], slip: S, index: int) -> None:
     exceeds = ahead(scene, samples, index)
     if method.is_plausible(slip) and part.sense * exceeds < 0.0 and missed(scene, samples, index) > 0.0:
         radius, capacity = scene.pulleys[index].radius, -samples.pulleys[index].friction
+        unit = method.units.of(length=1, force=1)
         on_pulley = "" if len(scene.pulleys) == 1 else f" pulley {index}"
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
-            f"Sliding all along{on_pulley}, the belt transmits {radius * capacity * method.units.of(length=1, force=1):.6g} "
-            f"N m, which the given torque exceeds by {-100.0 * exceeds / capacity:.3g} %.",
+            f"Sliding all along{on_pulley}, the belt transmits {radius * capacity * unit:.6g} N m, which the given "
+            f"torque exceeds by {-100.0 * exceeds / capacity:.3g} %.",
             final=True,
         )
 
@@ -101,7 +102,8 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
         method: The solve.
         index: The pulley.
         sense: Sense of sliding on it.
-        near: A state, the layout with sliding all along the pulley and about its ends; by default it starts from the string.
+        near: A state, the layout with sliding all along the pulley and about its ends; by default it starts from the
+            string.
 
     Returns:
         The state, if the drive asks for less.
@@ -127,8 +129,8 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
         there = "" if index == load else f", and {own * unit:.6g} N m to pulley {index}"
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
-            f"Sliding all along pulley {index}, the belt transmits {transmitted * unit:.6g} N m to pulley {load}{there}; "
-            f"the torque given to pulley {load} exceeds that by {100.0 * (given / transmitted - 1.0):.3g} %.",
+            f"Sliding all along pulley {index}, the belt transmits {transmitted * unit:.6g} N m to pulley {load}{there}"
+            f"; the torque given to pulley {load} exceeds that by {100.0 * (given / transmitted - 1.0):.3g} %.",
             final=True,
         )
     return state

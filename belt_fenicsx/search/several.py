@@ -1,12 +1,13 @@
 """Answers for drives of several pulleys, or with loads, from the exact string.
 
 1. The string says where the belt sticks and slides: its rows are the first ones, and the method starts from it.
-2. Where that leads nowhere, more friction does, with which less of the belt slides: from there, friction falls to what it
-   is, step by step.
+2. Where that leads nowhere, more friction does, with which less of the belt slides: from there, friction falls to what
+   it is, step by step.
 3. A pulley with a given torque or speed, on which the string sticks all along, may need a short part that slides before
    its run-off: what is missing tells its sense and its length, R (mu p -+ f) d = missing torque.
-4. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there is
-   no answer and the string slides along nearly all of a pulley, or more, the state at that limit says what is transmitted.
+4. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there
+   is no answer and the string slides along nearly all of a pulley, or more, the state at that limit says what is
+   transmitted.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ import numpy as np
 from belt_fenicsx.layout.kind import Part, sliding
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered
-from belt_fenicsx.search.find import settle_from
 from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.pulley import Slip
+from belt_fenicsx.search.find import settle_from
 from belt_fenicsx.search.limits import ahead, limit_state, meets, slides_as_driven, unmet
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
@@ -48,7 +49,7 @@ def solve_several(method: Method[S]) -> S:
     except Stopped as stopped:
         if stopped.final:
             raise
-        found = _from_more_friction(method)
+        found = None
         if found is None and (nearest := _nearest_to_its_limit(method)) is not None:
             found = _below_limit(method, *nearest)
         if found is None:
@@ -71,7 +72,8 @@ def solve_several(method: Method[S]) -> S:
 
 def _from_more_friction(method: Method[S]) -> S | None:
     """A state of the drive, from one with more friction; None where there is none on the way."""
-    scene, state = method.scene, None
+    scene = method.scene
+    state: S | None = None
     frictions = [pulley.friction for pulley in scene.pulleys if pulley.friction > 0.0]
     factor, ratio, iterations = max(MUCH / min(frictions, default=MUCH), 1.0), FALL, 0
     while True:
@@ -132,7 +134,9 @@ def _below_limit(method: Method[S], index: int, sense: Slip) -> S:
 
 
 def _slides_before_run_off(method: Method[S], state: S, index: int) -> S | None:
-    """A first guess with a short part that slides before the run-off of a pulley; None where it does not stick there."""
+    """A first guess with a short part that slides before the run-off of a pulley; None where it does not stick
+    there.
+    """
     layout, samples, pulley = state.layout, method.samples(state), method.scene.pulleys[index]
     last = layout.on(index)[-1]
     at = samples.parts[last]

@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -38,15 +37,9 @@ MET = 1e-12  # A take-up has its force with no larger error, relative to it.
 MOST_CENTRIFUGAL = 0.5  # G / b1 for which a slack belt is made taut.
 TAUT, NEAR = 1e-3, 1e-2  # Strain from which a slack belt starts, and how well it is met, relative to it.
 RATES = 10  # Corrections of the transport rate at a limit, at most.
-ENTRY, BACK, EXIT, MOST = (
-    4.0,
-    10.0,
-    1.0,
-    0.3,
-)  # Sliding of a touching fibre, in layers; the part that it takes, at most.
 NOTHING = 1e-12  # An angle that is no larger, in parts of the wrap, does not slide.
 LACKING = 1e-11  # A torque that lacks no more is met, in parts of the radius and the larger force.
-LEAST_PART = 1e-4  # of a step of Newton's iteration
+LEAST_PART = 1e-4  # Of a step of Newton's iteration, at least this part is taken.
 MOVED = 1e-7  # Displacement for differences of take-ups, in lengths of the belt.
 
 
@@ -95,14 +88,6 @@ class StringPart:
         phi = self.angles[0] - arc.turn * turned
         reach = arc.turn * arc.radius
         return arc.center[0] - reach * np.sin(phi), arc.center[1] + reach * np.cos(phi), phi, D
-
-    def piece(self, start: float, end: float, part: Part) -> StringPart:
-        """A piece of a part that sticks, between fractions of its length, of which the belt may do something else."""
-        x, y, phi, _ = self.at(np.array([start, end]))
-        (x0, x1), (y0, y1), (phi0, phi1) = x.tolist(), y.tolist(), phi.tolist()
-        return replace(
-            self, part=part, length=(end - start) * self.length, angles=(phi0, phi1), start=(x0, y0), end=(x1, y1)
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,8 +161,8 @@ def at_capacity(scene: Scene, index: int, sense: Slip, load: int | None = None) 
         Stopped: No torque can be left open.
     """
     load = _load(scene, index) if load is None else load
-    pulleys = [_driven(p) if i == load else p for i, p in enumerate(scene.pulleys)]
-    pulleys[index] = _driven(scene.pulleys[index], sense)
+    pulleys = [p.driven() if i == load else p for i, p in enumerate(scene.pulleys)]
+    pulleys[index] = scene.pulleys[index].driven(x_trans=RUN_UP, slip=sense)
     if not _leads(scene, index) or scene.transport_rate is not None:
         return scene.altered(pulleys=tuple(pulleys)), load
     limit = scene.altered(pulleys=tuple(pulleys), transport_rate=1.0)
@@ -191,12 +176,6 @@ def at_capacity(scene: Scene, index: int, sense: Slip, load: int | None = None) 
     if scene.has_inertia:
         limit = limit.altered(transport_rate=_fixed_point(sticking, 1.0))
     return limit, load
-
-
-def _driven(pulley: Pulley, slides: Slip | None = None) -> Pulley:
-    """The pulley that slides all along or, by default, that nothing drives."""
-    x_trans: Literal["run-up"] | None = RUN_UP if slides else None
-    return replace(pulley, x_trans=x_trans, slip=slides, omega=None, torque=None, drag=0.0, slip_angle=None)
 
 
 def _fixed_point(function: Callable[[float], float], start: float) -> float:
@@ -256,31 +235,18 @@ def _leads(scene: Scene, index: int) -> bool:
     return scene.closed and _leading(scene) == [index]
 
 
-def touching(string: StringDrive, layer: float) -> StringDrive:
-    """The string as a first guess for a belt whose touching fibre is off its middle line.
-
-    That fibre is shorter where the belt is bent on a pulley, and longer before and behind: it slides forward in a layer
-    at both ends. On a free idler, it slides backward for a while before the run-off, so that torques vanish together.
-
-    Args:
-        string: The string.
-        layer: Length in which shear dies out on a pulley.
-    """
+def undivided(string: StringDrive) -> StringDrive:
+    """The string with a single part on each pulley, as a first guess, whose stretch is that at its run-up."""
     parts: list[StringPart] = []
-    for own, after in zip(string.parts, (*string.parts[1:], string.parts[0]), strict=True):
-        if own.part.kind != "stick":
-            parts.append(own)
-            continue
-        ahead = Part("slip", "forward", own.part.pulley)
-        up = min(ENTRY * layer / own.length, MOST)
-        if after.part.touches:
-            rows = [(ahead, 0.0, up), (own.part, up, 1.0)]
+    for own in string.parts:
+        if parts and own.part.touches and parts[-1].part.touches:
+            first = parts[-1]
+            angles = (first.angles[0], own.angles[1])
+            parts[-1] = replace(first, length=first.length + own.length, angles=angles, end=own.end)
+        elif own.part.touches:
+            parts.append(replace(own, part=Part("slip", "forward", own.part.pulley), rate=0.0))
         else:
-            back, off = (
-                1.0 - min(reach * layer / own.length, part) for reach, part in ((BACK, MOST), (EXIT, MOST / 3))
-            )
-            rows = [(ahead, 0.0, up), (own.part, up, back), (ahead.turned, back, off), (ahead, off, 1.0)]
-        parts += [own.piece(start, end, part) for part, start, end in rows]
+            parts.append(own)
     return replace(string, parts=tuple(parts))
 
 
@@ -430,12 +396,16 @@ def _made(scene: Scene, path: Path, forces: Forces, centers: tuple[Point, ...]) 
     parts, ahead = ([], spans) if scene.closed else (spans[:1], spans[1:])
     omegas, torques, angles, take_ups = [], [], [], []
     for pulley, arc, up, off, span in zip(scene.pulleys, path.arcs, forces.up, forces.off, ahead, strict=True):
-        mu, grown = friction(pulley, arc), math.log(off / up)
-        angle = abs(grown) / mu if mu else 0.0
-        parts += [*string.on_pulley(pulley, arc, up, mu, "forward" if grown > 0.0 else "backward", angle), span]
-        omegas.append(pulley.drive.by("omega") if pulley.drive.kind == "omega" else c * string.stretch(up) / arc.radius)
+        mu, grown, speed = friction(pulley, arc), math.log(off / up), c * string.stretch(up) / arc.radius
+        angle = min(abs(grown) / mu, arc.wrap) if mu else 0.0
+        omega = pulley.drive.by("omega") if pulley.drive.kind == "omega" else speed
+        # Where a drive places a transition, there is one, even if hardly anything sticks before it.
+        through = pulley.drive.kind in ("slip_angle", "x_trans") or abs(speed - omega) > NOTHING * speed
+        sense: Slip = "forward" if grown > 0.0 else "backward"
+        parts += [*string.on_pulley(pulley, arc, up, mu, sense, angle, through), span]
+        omegas.append(omega)
         torques.append(arc.radius * (off - up))
-        angles.append(angle)
+        angles.append(abs(grown) / mu if mu else 0.0)
         moved = np.subtract(arc.center, pulley.center)
         take_ups.append(float(moved @ _direction(pulley)) if pulley.take_up else 0.0)
     return StringDrive(
@@ -468,13 +438,13 @@ class _Drawing:
         )  # fmt: skip
 
     def on_pulley(
-        self, pulley: Pulley, arc: Arc, F: float, mu: float, sense: Slip, angle: float
+        self, pulley: Pulley, arc: Arc, F: float, mu: float, sense: Slip, angle: float, through: bool
     ) -> Iterator[StringPart]:
-        """The parts on a pulley: the belt sticks, and slides through an angle before the run-off."""
+        """The parts on a pulley: the belt sticks, and slides through an angle before the run-off, or all along."""
         index, drive = arc.pulley, pulley.drive
         if mu == 0.0:
             rows = [(Part("slip", drive.slip or "forward", index), arc.wrap)]
-        elif angle >= arc.wrap * (1.0 - NOTHING):
+        elif through and angle >= arc.wrap * (1.0 - NOTHING):
             rows = [(Part("slip", sense, index), arc.wrap)]
         elif angle <= NOTHING * arc.wrap and drive.kind != "omega":
             rows = [(Part("stick", pulley=index), arc.wrap)]

@@ -29,6 +29,7 @@ from belt_fenicsx.solution.status import Status
 STEP = 1e-30j  # of the derivative.
 ITERATIONS = 100  # of Newton and bisection, at most.
 ROUNDING = 1e-14  # A step that is no larger ends them, as they converge quadratically, in parts of b1.
+MOST_GROWTH = 600.0  # of the logarithm of the force along a contact, within the range of a float
 LEAST_STRAIN = 1e-4  # A string that would be slack starts from this strain.
 
 
@@ -134,8 +135,14 @@ class Chain:
             up = (F - pulley.drive.by("torque") / arc.radius - drag * self.b1) / (1.0 + drag)
         else:
             sense = -1.0 if pulley.drive.slip == "backward" else 1.0
-            return F * math.exp(-sense * mu * slip_angle(pulley, arc))
-        most = math.exp(mu * arc.wrap)
+            grown = mu * slip_angle(pulley, arc)
+            if grown > MOST_GROWTH:
+                message = (
+                    f"Sliding on pulley {index} changes the force by a factor of exp({grown:.3g}): the belt is slack."
+                )
+                raise Stopped(Status.CONTACT_LOST, message, final=True)
+            return F * math.exp(-sense * grown)
+        most = math.exp(min(mu * arc.wrap, MOST_GROWTH))
         if up.real * most < F.real:
             return F / most
         return F * most if up.real > F.real * most else up

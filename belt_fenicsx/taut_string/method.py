@@ -2,6 +2,8 @@
 
 It knows no gravity: spans are straight, and what lies on a pulley has no weight. Where a belt with a contact offset
 slides, friction off its middle line would need a moment that a string has not: its forces are not in balance there.
+Such a belt also slides where bending shortens the touching fibre: it comes close to the string in the first order of
+e / R; one without an offset, in the first order of its bending stiffness.
 """
 
 from __future__ import annotations

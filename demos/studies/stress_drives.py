@@ -30,6 +30,7 @@ from belt_fenicsx.taut_string.drive import capacities, string_drive
 RTOL, TIGHT, AGREEMENT = 1e-8, 1e-10, 1e-7
 SLOWEST = 3  # loops that are named
 LEAST_WRAP = math.radians(5.0)
+MARGIN = 1.2  # Of a wrap over that at which a stiff belt touches its pulley at a point.
 SPEED = 10.0  # of the first pulley's surface [m/s]
 
 
@@ -95,15 +96,29 @@ def loop(draw: Draw) -> Scene | None:
             return Scene(belt=belt, pulleys=tuple(given), closed=True, elongation=strain, gravity=down)
 
         small = made(1e-6 * belt.extensional_stiffness * strain * smallest)
-        if min(arc.wrap for arc in taut_path(small).arcs) < LEAST_WRAP:
-            return None
         dimensionless, units = small.dimensionless()
+        if not wrapped(dimensionless):
+            return None
         transmitted = capacities(dimensionless, string_drive(dimensionless))
         most = min(abs(t / torque) for t, torque in zip(transmitted, torques, strict=True) if torque)
         drivers = abs(transmitted[driver]) / abs(sum(torques))
         return made(load * min(most, drivers) * units.of(length=1, force=1))
     except (SceneError, Stopped):
         return None
+
+
+def wrapped(scene: Scene) -> bool:
+    """Whether a belt of this bending stiffness touches each pulley along an arc.
+
+    It turns by acos(1 - a / (2 F R^2)) where it leaves a pulley; a wrap of less than two such angles is a point.
+    """
+    string, a = string_drive(scene), scene.belt.bending_stiffness
+    force = min(own.force[0] for own in string.parts)
+    for arc in taut_path(scene).arcs:
+        turned = 1.0 - a / (2.0 * force * scene.pulleys[arc.pulley].radius ** 2)
+        if turned < -1.0 or arc.wrap < max(LEAST_WRAP, MARGIN * 2.0 * math.acos(turned)):
+            return False
+    return True
 
 
 def loops(count: int, seed: int) -> Iterator[Scene]:
@@ -182,6 +197,8 @@ if __name__ == "__main__":
     for result in finished:
         if not result.answer.success or not result.difference <= AGREEMENT:
             said = (result.answer.message, *result.answer.violations)
-            print(f"\n{result.number}: {result.answer.status.name} {' '.join(said)}, difference {result.difference:.1e}")
+            print(
+                f"\n{result.number}: {result.answer.status.name} {' '.join(said)}, difference {result.difference:.1e}"
+            )
     if arguments.readme:
         write_into_readme("stress of drives", text)

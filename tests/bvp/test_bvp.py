@@ -138,7 +138,9 @@ def test_wanted_accuracy_is_reached_and_the_estimate_is_honest(rtol, tight):
 def test_orders_of_collocation():
     """The speed, which ends of cells tell, is of order eight at last; fields between the ends of order five."""
     belt = Belt(length=0.396, thickness=1.2e-3, width=0.03, youngs_modulus=5e8, poisson_ratio=0.4)
-    dimensionless, units = Scene(belt=belt, span=0.4, pulleys=(Pulley(radius=0.06, center=(0.0, -0.01)),)).dimensionless()
+    dimensionless, units = Scene(
+        belt=belt, span=0.4, pulleys=(Pulley(radius=0.06, center=(0.0, -0.01)),)
+    ).dimensionless()
     run = Run(dimensionless, units)
     state = run.start()
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drives import NAMES, REFERENCE, differences, drive, senses
 
 from belt_fenicsx import bvp
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.status import Status
-from drives import NAMES, REFERENCE, differences, drive, senses
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +47,17 @@ def test_a_free_idler_has_no_torque(name, index, solved):
     assert abs(solution.contacts[index].torque) < 1e-9 * friction * radius * (fields.weight[on] @ fields.p[on])
 
 
-@pytest.mark.parametrize("name", ["two-fast", "two-gravity", "three-idler", "thread-dynamic", "open-S", "chapter-surface"])
+@pytest.mark.parametrize(
+    "name", ["two-fast", "two-gravity", "three-idler", "thread-dynamic", "open-S", "chapter-surface"]
+)
 def test_balances(name, solved):
     """Power is lost by sliding alone, and loads on the hubs hold the weight, to rounding of the quadrature."""
     solution = solved(name)
     if solution.scene.closed:
         through = sum(abs(contact.power) for contact in solution.contacts)
-        assert sum(contact.power for contact in solution.contacts) == pytest.approx(-solution.losses, abs=1e-10 * through)
+        assert sum(contact.power for contact in solution.contacts) == pytest.approx(
+            -solution.losses, abs=1e-10 * through
+        )
         weight = np.array(solution.scene.gravity) * solution.scene.belt.line_density * solution.scene.belt.length
         hubs = np.sum([contact.hub_force for contact in solution.contacts], axis=0)
         np.testing.assert_allclose(hubs, weight, atol=1e-9 * max(span.tension[1] for span in solution.spans))
@@ -125,7 +129,9 @@ def test_reversed_travel(name, solved):
     assert [c.torque for c in back.contacts] == pytest.approx([c.torque for c in forth.contacts], rel=1e-6)
 
 
-@pytest.mark.parametrize(("length", "force", "time"), [(1e3, 1.0, 1.0), (1.0, 1e-3, 1.0), (1.0, 1.0, 60.0), (25.4, 4.45, 1e-3)])
+@pytest.mark.parametrize(
+    ("length", "force", "time"), [(1e3, 1.0, 1.0), (1.0, 1e-3, 1.0), (1.0, 1.0, 60.0), (25.4, 4.45, 1e-3)]
+)
 def test_units(length, force, time, solved):
     """An answer in other units is the same one."""
     scene, known = drive("thread-dynamic"), solved("thread-dynamic")
@@ -221,7 +227,10 @@ def test_growth_of_a_chain_of_pulleys_leaves_the_iterations(solved):
         pulleys = tuple(
             Pulley(
                 radius=0.05,
-                center=(0.06 * count * math.cos(2.0 * math.pi * i / count), -0.06 * count * math.sin(2.0 * math.pi * i / count)),
+                center=(
+                    0.06 * count * math.cos(2.0 * math.pi * i / count),
+                    -0.06 * count * math.sin(2.0 * math.pi * i / count),
+                ),
                 friction=0.5,
                 **({"omega": 10.0} if i == 0 else {"torque": (4.0 if i % 2 else -2.0) / count}),
             )

@@ -28,7 +28,9 @@ def on_pulley(slope, slides, turn=1.0):
 
 @pytest.mark.parametrize("rod", [PLAIN, LOADED], ids=["plain", "loaded"])
 @pytest.mark.parametrize("turn", [1.0, -1.0], ids=["right", "left"])
-@pytest.mark.parametrize(("slope", "slides"), [(0.0, 0.0), (0.3, 1.0), (-0.3, 1.0)], ids=["stick", "forward", "backward"])
+@pytest.mark.parametrize(
+    ("slope", "slides"), [(0.0, 0.0), (0.3, 1.0), (-0.3, 1.0)], ids=["stick", "forward", "backward"]
+)
 def test_tractions_balance_force_and_moment(rod, turn, slope, slides):
     equations, c = on_pulley(slope, slides, turn), np.asarray(1.3)
     y = np.random.default_rng(2).uniform(-0.3, 0.3, (5, 1, 20))
@@ -72,7 +74,8 @@ def test_complex_steps_are_exact():
 def test_gauss_rule():
     powers = np.arange(2 * STAGES)
     np.testing.assert_allclose(WEIGHTS @ POINTS[:, None] ** powers, 1.0 / (powers + 1), rtol=1e-14)
-    np.testing.assert_allclose(INSIDE @ POINTS[:, None] ** powers[:STAGES], POINTS[:, None] ** (powers[:STAGES] + 1) / (powers[:STAGES] + 1), atol=2e-15)  # fmt: skip
+    integrals_of_powers = POINTS[:, None] ** (powers[:STAGES] + 1) / (powers[:STAGES] + 1)
+    np.testing.assert_allclose(INSIDE @ POINTS[:, None] ** powers[:STAGES], integrals_of_powers, atol=2e-15)
     np.testing.assert_allclose(integrals(np.array(1.0)), WEIGHTS, rtol=1e-13)
 
 

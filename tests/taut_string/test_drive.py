@@ -195,8 +195,8 @@ def test_units_do_not_matter(name):
 
 
 def test_loops_at_random():
-    """All are solved up to their capacity, and beyond it none is; in each, power goes into sliding alone."""
-    random, slowest = np.random.default_rng(5), 0.0
+    """All are solved up to their capacity, and none beyond it; power goes into sliding alone."""
+    random, seconds = np.random.default_rng(5), []
     for number, scene in enumerate(loops(300, seed=4)):
         lead = speeder(scene)
         others = [i for i in range(len(scene.pulleys)) if i != lead]
@@ -218,8 +218,8 @@ def test_loops_at_random():
         dimensionless, _ = driven(scene, load, torque=part * capacity).dimensionless()
         began = time.perf_counter()
         string_drive(dimensionless)
-        slowest = max(slowest, time.perf_counter() - began)
-    assert slowest < 0.02
+        seconds.append(time.perf_counter() - began)
+    assert np.median(seconds) < 2e-3
 
 
 def with_take_up(scene, index, direction, force, shift=0.0):
@@ -395,3 +395,15 @@ def test_where_another_pulley_slides_first():
     with pytest.raises(BeyondCapacity) as beyond:
         string_drive(scene)
     assert (beyond.value.pulley, beyond.value.sense) == (0, "backward")
+
+
+def test_much_friction():
+    """The less of the belt slides; sliding all along would leave nothing of the force at one end."""
+    scene = drive("two-equal")
+    grips = [replace(pulley, friction=1e4) for pulley in scene.pulleys]
+    solution = string(replace(scene, pulleys=tuple(grips)))
+    assert solution.success
+    assert 0.0 < solution.contacts[1].slip_angle < 1e-3
+    grips[1] = replace(grips[1], torque=None, slip_angle=0.5)
+    with pytest.raises(SolveError, match="slack"):
+        string(replace(scene, pulleys=tuple(grips)))

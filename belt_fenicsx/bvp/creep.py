@@ -1,0 +1,148 @@
+"""Where the belt sticks and where it slides, from friction that grows with the speed of sliding.
+
+Each pulley is one part then, and no joint has to be guessed. The width in which friction grows is made smaller, step by
+step; at last, where it is nearly all of mu p, the belt slides, and sticks elsewhere. That is a first guess of the
+layout and of all fields on it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from belt_fenicsx.bvp.equations import Creeping, OnPulleys
+from belt_fenicsx.bvp.newton import NEWTON, Discrete, Work
+from belt_fenicsx.bvp.problem import LAST, Condition, End, Problem, places
+from belt_fenicsx.bvp.state import FRICTION, pose, take_up_conditions
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.kind import Part, sliding
+from belt_fenicsx.layout.layout import Layout
+from belt_fenicsx.layout.posed import ordered
+from belt_fenicsx.scene.scene import Scene
+
+SURFACE = 5  # Index of the strain that goes with the surface of a pulley.
+WIDEST, NARROWEST, NARROWER = 1.0, 0.02, 0.25  # Widths over mu times the strain; the ratio of two of them.
+LEAST_RATIO = 0.8  # Widths fall by no less than this.
+CELLS = 24  # Of each part: a narrow width makes a stiff equation.
+SLIDES = 0.95  # Friction of this part of mu p is that of sliding.
+PIECES = 4  # Of each cell, for places of joints.
+LEAST, SHORT = 1e-3, 0.02  # A part is at least as long, in parts of its contact; so is one that has to be there.
+
+
+def creep_problem(scene: Scene, tension: float, winding: float, width: float) -> Problem:
+    """The boundary-value problem with one creeping part on each pulley; ``width`` is relative to mu and the strain."""
+    parts = [Part("slip", "forward", index) for index in range(len(scene.pulleys))]
+    layout = ordered(scene, parts)
+    problem = pose(scene, layout, tension, winding, conditions=tuple(_conditions(scene, layout)))
+    equations, friction = problem.contacts.equations, np.array([[pulley.friction] for pulley in scene.pulleys])
+    assert isinstance(equations, OnPulleys)
+    smallest = tension / scene.belt.extensional_stiffness
+    creeping = Creeping(
+        **{name: getattr(equations, name) for name in ("radius", "center", "turn", "slope", "slides")},
+        friction=friction,
+        width=width * smallest * np.minimum(friction, 1.0),
+    )
+    units = np.append(problem.contacts.units, problem.contacts.units[3])
+    return replace(problem, contacts=replace(problem.contacts, equations=creeping, units=units))
+
+
+def _giving(scene: Scene) -> int | None:
+    """The pulley whose speed gives the transport rate where no force depends on it; None elsewhere."""
+    if scene.transport_rate is not None or scene.has_inertia:
+        return None
+    return next(index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
+
+
+def _conditions(scene: Scene, layout: Layout) -> Iterator[Condition]:
+    """One condition for each pulley that is driven, and one for each take-up."""
+    giving = _giving(scene)
+    for index, pulley in enumerate(scene.pulleys):
+        (part,) = layout.on(index)
+        if index != giving and pulley.drive.kind in ("omega", "torque"):
+            other = part if giving is None else layout.on(giving)[0]
+            yield Condition(((part, LAST), (other, LAST)), _driven(scene, index, giving))
+        yield from take_up_conditions(scene, layout, index)
+
+
+def _driven(scene: Scene, index: int, giving: int | None) -> Callable[[Sequence[End], Array], Array]:
+    """What drives a pulley, less what does in a state."""
+    pulley = scene.pulleys[index]
+    speed = None if giving is None else scene.pulleys[giving].surface_speed
+
+    def missed(ends: Sequence[End], c: Array) -> Array:
+        own, other = (end.y[SURFACE] for end in ends)
+        rate = c if speed is None else speed / (1.0 + other)
+        omega = rate * (1.0 + own) / pulley.radius
+        if pulley.drive.kind == "omega":
+            return omega - pulley.drive.by("omega")
+        return -pulley.radius * ends[0].y[FRICTION] - pulley.drive.by("torque") - pulley.drag * omega
+
+    return missed
+
+
+def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> tuple[Problem, Discrete] | None:
+    """The state with the narrowest width; None where Newton's iteration does not converge for the widest."""
+    width, ratio, last = WIDEST, NARROWER, None
+    while width >= NARROWEST:
+        problem = make(width)
+        near = start if last is None else last[1]
+        found = work.newton(problem, near, NEWTON, "creep")
+        if found.converged:
+            last = (problem, found)
+        elif last is None or ratio > LEAST_RATIO:
+            break
+        else:
+            width, ratio = width / ratio, math.sqrt(ratio)
+        width *= ratio
+    return last
+
+
+def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part], Array]:
+    """Parts on the pulleys that a state with creep shows, and the ends of all parts of the belt."""
+    xi, equations = np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
+    assert isinstance(equations, Creeping)
+    y = problem.contacts.unscaled(discrete.between(1, np.tile(xi, (problem.contacts.parts.size, 1))))
+    inside, ends, grips = places(discrete.widths, xi), discrete.ends, equations.grip(y)
+    parts: list[Part] = []
+    found = [] if problem.clamps is None else [ends[:1]]
+    driven = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"]
+    anchor = driven[0] if scene.transport_rate is None else None
+    for grip, index in zip(grips, problem.contacts.parts.tolist(), strict=True):
+        pulley = problem.parts[index].pulley
+        smooth, gives = scene.pulleys[pulley].friction == 0.0, pulley == anchor
+        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, inside[index])
+        if gives and 0.0 not in kinds:
+            # What gives the transport rate sticks somewhere, and slides behind.
+            kinds, borders = [0.0, *kinds], [0.0, SHORT * borders[1], *borders[1:]]
+        elif gives and kinds[-1] == 0.0:
+            end = borders[-2] + (1.0 - SHORT) * (1.0 - borders[-2])
+            kinds, borders = [*kinds, math.copysign(1.0, grip[-1])], [*borders[:-1], end, 1.0]
+        parts += [sliding(kind, pulley) if kind else Part("stick", pulley=pulley) for kind in kinds]
+        found.append(ends[index] + np.array(borders) * (ends[index + 1] - ends[index]))
+    return parts, np.concatenate([*found, ends[-1:]])
+
+
+def _divided(grip: Array, places: Array) -> tuple[list[float], list[float]]:
+    """Senses of sliding one after another, zero for stick, and the ends of these parts in [0, 1].
+
+    The belt sticks in the longest of the places with less friction than that of sliding. Elsewhere sliding turns there.
+    """
+    senses = np.where(np.abs(grip) > SLIDES, np.sign(grip), 0.0)
+    runs = [list(group) for _, group in itertools.groupby(range(senses.size), key=lambda i: senses[i])]
+    sticks = [run for run in runs if senses[run[0]] == 0.0]
+    longest = max(sticks, key=lambda run: places[run[-1]] - places[run[0]], default=[])
+    turning = np.abs(senses) + np.isin(np.arange(senses.size), longest) == 0.0
+    senses[turning] = np.sign(grip[turning])
+    changes = np.flatnonzero(np.diff(senses)) + 1
+    borders = [0.0, *((places[changes - 1] + places[changes]) / 2.0).tolist(), 1.0]
+    kinds = senses[[0, *changes]].tolist()
+    while len(kinds) > 1 and min(np.diff(borders)) < LEAST:
+        i = int(np.argmin(np.diff(borders)))
+        del kinds[i], borders[i + (i < len(kinds))]
+        if 0 < i < len(kinds) and kinds[i - 1] == kinds[i]:
+            del kinds[i], borders[i]
+    return kinds, borders
