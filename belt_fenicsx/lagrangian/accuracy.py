@@ -150,8 +150,8 @@ def _layers(solution: Solution, nodes: Array) -> Iterator[Layer]:
 
 
 def _sticks(pulley: Pulley) -> bool:
-    """Whether the belt sticks somewhere on a pulley that is driven as it is."""
-    return pulley.friction > 0.0 and pulley.x_trans != RUN_UP
+    """Whether the belt has to stick somewhere on a pulley: only next to a given speed it may slide all along."""
+    return pulley.friction > 0.0 and pulley.x_trans != RUN_UP and pulley.omega is None
 
 
 def shortcoming(solution: Solution, nodes: Array, largest_error: float) -> str:

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,18 +89,30 @@ class DriveRun(Run):
         ]
         grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
         levels, gap = np.array([grip.level for grip in grips]), self._gap()
-        correction = corrected(
-            scene, levels, growths, self._lengths(points, grips), stiffness=self.stiffness, rate=self.rate, gap=gap
-        )
-        self.rate += correction.rate
-        self.problem.set_rate(self.rate)
-        for i, pulley in enumerate(scene.pulleys):
-            if pulley.drive.kind == "torque":
-                forces[i] = wanted(pulley, self.rate * levels[i])
-            elif forces[i] is not None:
-                forces[i] = float(growths[i] + correction.growths[i])
-        self.grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
-        self._stop_beyond_capacity()
+        given = {"stiffness": self.stiffness, "rate": self.rate, "gap": gap}
+        lengths, slid = self._lengths(points, grips), dict[int, float]()
+        # Once more where the belt slides all along a pulley whose speed is given.
+        for _ in range(len(scene.pulleys) + 1):
+            correction = corrected(scene, levels, growths, lengths, slid=slid, **given)
+            rate = self.rate + correction.rate
+            for i, pulley in enumerate(scene.pulleys):
+                if pulley.drive.kind == "torque":
+                    forces[i] = wanted(pulley, rate * levels[i])
+                elif forces[i] is not None:
+                    forces[i] = float(growths[i] + correction.growths[i])
+            grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
+            found = {
+                i: -float(np.sum(at.weight * grip.f))
+                for i, (at, grip) in enumerate(zip(points, grips, strict=True))
+                if i in slid or (grip.lacking and scene.pulleys[i].drive.kind == "omega")
+            }
+            if found.keys() == slid.keys() or not self._holds_without(found):
+                break
+            slid = found
+        self.rate, self.grips = rate, grips
+        self.problem.set_rate(rate)
+        lacking = [i for i, grip in enumerate(grips) if grip.lacking and i not in slid]
+        self._stop_beyond_capacity(lacking)
         f = np.empty_like(before)
         for here, grip in zip(on, self.grips, strict=True):
             f[here] = grip.f
@@ -151,13 +164,19 @@ class DriveRun(Run):
     def _at_rest(self, iterations: int) -> bool:
         return super()._at_rest(iterations) and not self.lacking
 
-    def _stop_beyond_capacity(self) -> None:
-        """Stops where friction has lacked force for many updates.
+    def _holds_without(self, slid: Mapping[int, float]) -> bool:
+        """Whether a loop keeps its pace, and its balance, without these pulleys; a belt between clamps does."""
+        pulleys = self.task.scene.pulleys
+        return not self.problem.closed or any(
+            pulley.drive.kind in ("omega", "none") for i, pulley in enumerate(pulleys) if i not in slid
+        )
+
+    def _stop_beyond_capacity(self, lacking: Sequence[int]) -> None:
+        """Stops where friction has lacked force on some pulleys for many updates.
 
         Raises:
             Stopped: It has.
         """
-        lacking = [i for i, grip in enumerate(self.grips) if grip.lacking]
         self.lacking = self.lacking + 1 if lacking and self.penalty == self.penalties.full else 0
         if self.lacking == PATIENCE:
             text = "the belt slides all along pulley {}, and friction still lacks force"

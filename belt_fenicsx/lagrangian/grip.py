@@ -6,12 +6,14 @@ mesh. Before, it keeps the stretch, within Coulomb's bound, which makes what sli
 for each pulley, the growth of the belt's force on it, says all of its sliding, in either sense or in none.
 
 A torque says this number; a place or an angle says the sliding itself. A speed says the stretch in stick, which is that
-of the span before. By string theory, forces of the spans follow from those numbers: `Levels` corrects them until all
-drives are met, and with them the transport rate.
+of the span before; where friction lacks the force for it, the belt slides all along. By string theory, forces of the
+spans follow from those numbers: `corrected` changes them until all drives are met, and with them the transport rate.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -165,7 +167,15 @@ class Levels(NamedTuple):
 
 
 def corrected(
-    scene: Scene, levels: Array, growths: Array, lengths: Array, *, stiffness: float, rate: float, gap: float
+    scene: Scene,
+    levels: Array,
+    growths: Array,
+    lengths: Array,
+    *,
+    stiffness: float,
+    rate: float,
+    gap: float,
+    slid: Mapping[int, float] = MappingProxyType({}),
 ) -> Levels:
     """What corrects the forces in the spans, so that all drives are met.
 
@@ -180,6 +190,7 @@ def corrected(
         stiffness: What a force is per stretch.
         rate: Transport rate.
         gap: By what the force grows where a loop is held, which is nothing in the end.
+        slid: How much the belt's force grows on pulleys whose speed is given, but that it slides along all the way.
     """
     count, spans = len(scene.pulleys), len(lengths)
     rows, right = [np.append(lengths, 0.0)], [0.0]
@@ -195,6 +206,9 @@ def corrected(
         grown[i, after] += 1.0
         row = np.zeros(spans + 1)
         match pulley.drive.kind:
+            case "omega" if i in slid:
+                rows.append(grown[i])
+                right.append(slid[i] - growths[i] - extra[i])
             case "omega":
                 row[[before, -1]] = rate / stiffness, levels[i]
                 rows.append(row)

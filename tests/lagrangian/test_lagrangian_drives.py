@@ -9,7 +9,7 @@ import pytest
 from drives import REFERENCE, differences, drive
 from mpi4py import MPI
 
-from belt_fenicsx import Pulley, SceneError, Status, solve
+from belt_fenicsx import Pulley, Scene, SceneError, Status, solve
 from belt_fenicsx.lagrangian.grip import Points, gripped
 from belt_fenicsx.lagrangian.mesh import unit_cells
 from belt_fenicsx.lagrangian.track import Track
@@ -159,6 +159,25 @@ def test_from_another_solution_and_on_given_nodes():
     assert solve_fixed(scene, elements=600, initial=collocated).transport_rate == pytest.approx(
         collocated.transport_rate, rel=2e-5
     )
+
+
+@pytest.mark.parametrize(("omega", "torque"), [(1.47, 1162.868190), (1.4775, 1162.868190), (1.49, -1162.868190)])
+def test_a_pulley_whose_speed_is_beyond_all_stick_slides_all_along(omega, torque):
+    (contact,) = solve_fixed(Scene(pulleys=(Pulley(omega=omega),)), elements=400).contacts
+    assert [zone.kind for zone in contact.zones] == ["slip"]
+    assert contact.omega == omega
+    assert contact.torque == pytest.approx(torque, rel=1e-4)
+
+
+def test_a_third_pulley_of_a_loop_may_slide_all_along():
+    scene = drive("three-idler")
+    *others, last = scene.pulleys
+    scene = replace(scene, pulleys=(*others, replace(last, torque=None, omega=26.0)))
+    solution, expected = solve_fixed(scene), solve(scene, method="bvp")
+    assert [zone.name for zone in solution.contacts[2].zones] == ["backward slip"]
+    assert solution.transport_rate == pytest.approx(expected.transport_rate, rel=1e-5)
+    for one, other in zip(solution.contacts, expected.contacts, strict=True):
+        assert one.torque == pytest.approx(other.torque, abs=2e-3)
 
 
 def test_more_torque_than_friction_transmits():
