@@ -69,56 +69,56 @@ class DriveRun(Run):
         self._measure(state, old, penalty, missed)
 
     def _friction(self, state: DriveState, p: Array, friction: float) -> tuple[Array, float]:
-        """Friction after an update, and by what force the drives are missed."""
-        scene, space, old = self.task.scene, self.problem.space, self.multipliers
-        d = self.problem.circles[state.pulley.astype(int), 3]
-        held = old.f + friction * state.dD
-        x = state.x + d * np.sin(state.theta)
-        own = np.stack([state.sigma, state.weight, x, state.g, state.stretch, held, p, old.f, state.pulley])
-        table = space.gather(np.moveaxis(own, 0, -1).reshape(-1, len(own))).T.reshape(len(own), -1, state.x.shape[1])
-        *columns, before, number = table
-        on = [number[:, 0] == i for i in range(len(scene.pulleys))]
+        """Friction after an update, and by what force the drives are missed. All ranks see the whole belt here."""
+        space, d = self.problem.space, self.problem.circles[state.pulley.astype(int), 3]
+        held, x = self.multipliers.f + friction * state.dD, state.x + d * np.sin(state.theta)
+        own = [state.sigma, state.weight, x, state.g, state.stretch, held, p, self.multipliers.f, state.pulley]
+        rows = space.gather(np.stack(own, axis=-1).reshape(-1, len(own)))
+        *columns, number = rows.T.reshape(len(own), -1, state.x.shape[1])
+        on = [number[:, 0] == i for i in range(len(self.task.scene.pulleys))]
         points = [Points(*(column[here] for column in columns)) for here in on]
         for i, at in enumerate(points):
             if not np.any(at.p > 0.0):
                 raise Stopped(Status.CONTACT_LOST, f"no Gauss point is in contact with pulley {i}")
-        growths = np.array([-np.sum(at.weight * before[here]) for at, here in zip(points, on, strict=True)])
-        forces: list[float | None] = [
-            None if pulley.drive.is_place else float(growth)
-            for pulley, growth in zip(scene.pulleys, growths, strict=True)
-        ]
-        grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
-        levels, gap = np.array([grip.level for grip in grips]), self._gap()
-        given = {"stiffness": self.stiffness, "rate": self.rate, "gap": gap}
-        lengths, slid = self._lengths(points, grips), dict[int, float]()
-        # Once more where the belt slides all along a pulley whose speed is given.
-        for _ in range(len(scene.pulleys) + 1):
-            correction = corrected(scene, levels, growths, lengths, slid=slid, **given)
+        missed, f = self._drive(points), np.empty_like(number)
+        for here, grip in zip(on, self.grips, strict=True):
+            f[here] = grip.f
+        first = space.comm.exscan(len(state.x)) or 0
+        return f[first : first + len(state.x)], missed
+
+    def _drive(self, points: Sequence[Points]) -> float:
+        """Finds friction on all pulleys and the transport rate; by what force the drives are missed so far."""
+        pulleys, gap = self.task.scene.pulleys, self._gap()
+        growths = np.array([at.growth for at in points])
+        forces = [None if pulley.drive.is_place else at.growth for pulley, at in zip(pulleys, points, strict=True)]
+        grips = [gripped(*each) for each in zip(pulleys, points, forces, strict=True)]
+        levels, lengths = np.array([grip.level for grip in grips]), self._lengths(points, grips)
+        slid: dict[int, float] = {}
+        # Once more where the belt turns out to slide all along a pulley whose speed is given.
+        for _ in range(len(pulleys) + 1):
+            correction = corrected(
+                self.task.scene, levels, growths, lengths,
+                stiffness=self.stiffness, rate=self.rate, gap=gap, slid=slid,
+            )  # fmt: skip
             rate = self.rate + correction.rate
-            for i, pulley in enumerate(scene.pulleys):
+            for i, pulley in enumerate(pulleys):
                 if pulley.drive.kind == "torque":
                     forces[i] = wanted(pulley, rate * levels[i])
                 elif forces[i] is not None:
                     forces[i] = float(growths[i] + correction.growths[i])
-            grips = [gripped(*each) for each in zip(scene.pulleys, points, forces, strict=True)]
+            grips = [gripped(*each) for each in zip(pulleys, points, forces, strict=True)]
             found = {
-                i: -float(np.sum(at.weight * grip.f))
+                i: at._replace(f=grip.f).growth
                 for i, (at, grip) in enumerate(zip(points, grips, strict=True))
-                if i in slid or (grip.lacking and scene.pulleys[i].drive.kind == "omega")
+                if i in slid or (grip.lacking and pulleys[i].drive.kind == "omega")
             }
             if found.keys() == slid.keys() or not self._holds_without(found):
                 break
             slid = found
         self.rate, self.grips = rate, grips
         self.problem.set_rate(rate)
-        lacking = [i for i, grip in enumerate(grips) if grip.lacking and i not in slid]
-        self._stop_beyond_capacity(lacking)
-        f = np.empty_like(before)
-        for here, grip in zip(on, self.grips, strict=True):
-            f[here] = grip.f
-        first = space.comm.exscan(len(state.x)) or 0
-        missed = max(float(np.abs(correction.spans).max()), abs(gap))
-        return f[first : first + len(state.x)], missed
+        self._stop_beyond_capacity([i for i, grip in enumerate(grips) if grip.lacking and i not in slid])
+        return max(float(np.abs(correction.spans).max()), abs(gap))
 
     def _end(self, status: Status, **answer: Any) -> Solution:
         if "fields" not in answer:
@@ -147,7 +147,7 @@ class DriveRun(Run):
         force = self.problem.space.comm.allreduce(self.problem.newton.reaction)
         return -float(force) * self.problem.track.direction[self.problem.axis]
 
-    def _lengths(self, points: list[Points], grips: list[Grip]) -> Array:
+    def _lengths(self, points: Sequence[Points], grips: Sequence[Grip]) -> Array:
         """Length of the belt that has the force of each span: that of the span, and what sticks behind it."""
         count, closed = len(points), self.problem.closed
         lengths = np.zeros(count if closed else count + 1)

@@ -34,6 +34,7 @@ class Points(NamedTuple):
         stretch: Stretch of the touching fibre.
         held: Friction that would keep the stretch.
         p: Pressure.
+        f: Friction before.
     """
 
     sigma: Array
@@ -43,6 +44,12 @@ class Points(NamedTuple):
     stretch: Array
     held: Array
     p: Array
+    f: Array
+
+    @property
+    def growth(self) -> float:
+        """Growth of the belt's force by this friction."""
+        return -float(np.sum(self.weight * self.f))
 
     @property
     def edges(self) -> Array:

@@ -202,7 +202,7 @@ def test_a_pulley_on_a_take_up_is_refused():
 def points(p, held):
     p, held, cells = (np.outer(values, [1.0, 1.0]) for values in (p, held, np.ones(len(p))))
     sigma = np.arange(len(p))[:, np.newaxis] + np.array([0.2, 0.8])
-    return Points(sigma=sigma, weight=cells / 2.0, x=sigma, g=0.0 * p, stretch=1.03 * cells, held=held, p=p)
+    return Points(sigma=sigma, weight=cells / 2.0, x=sigma, g=0.0 * p, stretch=1.03 * cells, held=held, p=p, f=0.0 * p)
 
 
 @pytest.mark.parametrize("force", [-3.1, -1.0, -0.2, 0.0, 0.3, 2.2])
