@@ -22,6 +22,9 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
 
+# A point counts in full from this part of its cell's largest pressure on.
+TOUCHING = 0.1
+
 
 class Points(NamedTuple):
     """What counts of the points along the belt that are nearest to one pulley ``(cells, points)``.
@@ -79,7 +82,7 @@ class Grip(NamedTuple):
 def gripped(pulley: Pulley, at: Points, force: float | None) -> Grip:
     """Friction on a pulley on which the belt's force grows by so much; None where its sliding is given."""
     bound = pulley.friction * at.p
-    held = np.clip(_mean(at.held, at.weight * (at.p > 0.0)), -bound, bound)
+    held = np.clip(_mean(at), -bound, bound)
     lacking = 0.0
     if force is None:
         sense = 1.0 if pulley.slip == "forward" else -1.0
@@ -91,15 +94,32 @@ def gripped(pulley: Pulley, at: Points, force: float | None) -> Grip:
     if stuck.any():
         level = float(np.average(at.stretch[stuck], weights=at.weight[stuck]))
     else:
-        slid = np.flatnonzero((share > 0.0) & (at.p > 0.0))
-        level = float(at.stretch.ravel()[slid[0] if slid.size else np.argmax(at.p)])
+        level = _at_transition(at, np.ones_like(share) if pulley.friction == 0.0 else share)
     return Grip(f, share, sense, level, lacking)
 
 
-def _mean(values: Array, weights: Array) -> Array:
-    """Mean over the points of each cell ``(cells, 1)``, see `multipliers`; zero where they have no weight."""
+def _at_transition(at: Points, share: Array) -> float:
+    """Stretch where sliding begins, of a belt that sticks nowhere; at its run-up, if it slides all along."""
+    inside = np.flatnonzero(np.all(at.p > 0.0, axis=1))
+    cells = inside[np.all(share[inside] > 0.0, axis=1)]
+    if cells.size < 2:
+        return float(at.stretch.ravel()[np.argmax(at.p)])
+    # Cells know their mean stretch, and the first cell in contact is part free.
+    (one, other), stretch = at.sigma[cells[:2]].mean(axis=1), at.stretch[cells[:2], 0]
+    first = int(np.argmax(at.p.ravel() > 0.0))
+    start = lift_off(at.sigma.ravel(), at.g.ravel(), first, -1) if cells[0] == inside[0] else one
+    return float(stretch[0] + (stretch[1] - stretch[0]) * (start - one) / (other - one))
+
+
+def _mean(at: Points) -> Array:
+    """Mean of what would keep the stretch over the points in contact of each cell ``(cells, 1)``, see `multipliers`.
+
+    A point that hardly touches hardly counts, lest the updates go to and fro as it comes and leaves.
+    """
+    most = np.max(at.p, axis=1, keepdims=True)
+    weights = at.weight * np.clip(at.p / np.where(most > 0.0, TOUCHING * most, 1.0), 0.0, 1.0)
     whole = np.sum(weights, axis=1, keepdims=True)
-    return np.sum(weights * values, axis=1, keepdims=True) / np.where(whole > 0.0, whole, 1.0)
+    return np.sum(weights * at.held, axis=1, keepdims=True) / np.where(whole > 0.0, whole, 1.0)
 
 
 def _sliding(bound: Array, held: Array, force: float) -> tuple[float, Array, float]:

@@ -16,7 +16,7 @@ from belt_fenicsx.scene.scene import Scene
 
 # Elements are equal up to so many bending layers from where the taut belt touches, since the real one does elsewhere;
 # from there on they grow, to so many times the length at most.
-NEAR, LARGEST = 2.0, 4.0
+NEAR, LARGEST, LARGEST_ON_PULLEYS = 2.0, 4.0, 2.0
 # An element next to contact has at most this part of a bending layer, if their number is not given.
 RESOLVED = 0.35
 COUNTED = 10_000  # Points at which elements are counted.
@@ -129,7 +129,9 @@ class Track:
         layer = bending_layer(scene, self.strain)
         inside = min(layer, shear_layer(scene, self.strain))
         sigma = np.linspace(-0.5, 0.5, points + 1)
-        size = np.full_like(sigma, LARGEST)
+        on = np.array([isinstance(piece, Arc) for piece in self.pieces])
+        inside_of = np.clip(np.searchsorted(self.ends, sigma) - 1, 0, len(self.pieces) - 1)
+        size = np.where(on[inside_of], LARGEST_ON_PULLEYS, LARGEST)
         for end in self.ends[1:-1] if scene.closed else self.ends:
             way = np.abs(sigma - end)
             size = np.minimum(size, 1.0 + np.maximum(0.0, way - NEAR * layer) / (2.0 * inside))

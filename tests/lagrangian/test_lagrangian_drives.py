@@ -169,6 +169,16 @@ def test_a_pulley_whose_speed_is_beyond_all_stick_slides_all_along(omega, torque
     assert contact.torque == pytest.approx(torque, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    "driven", [{"friction": 0.0}, {"x_trans": "run-off"}, {"x_trans": "run-up", "slip": "backward"}]
+)
+def test_a_heavy_belt_that_sticks_or_slides_all_along(driven):
+    scene = drive("chapter-gravity", pulleys=(Pulley(**driven),))
+    solution, expected = solve_fixed(scene), solve(scene, method="bvp")
+    assert solution.omega == pytest.approx(expected.omega, rel=1e-5)
+    assert solution.contacts[0].torque == pytest.approx(expected.contacts[0].torque, abs=0.1)
+
+
 def test_a_third_pulley_of_a_loop_may_slide_all_along():
     scene = drive("three-idler")
     *others, last = scene.pulleys
