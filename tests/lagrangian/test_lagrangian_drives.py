@@ -57,7 +57,8 @@ def test_reference_numbers(name):
     assert max(abs(value) for key, value in found.items() if key.startswith(("transport", "omega"))) < speed
     assert max(abs(value) for key, value in found.items() if key.startswith("torque")) < torque
     assert max(abs(value) for key, value in found.items() if key.startswith("length of zone")) < 1.0 / ELEMENTS
-    assert max(abs(value) for key, value in found.items() if key.startswith("tension")) < 2e-3
+    # In the middles of the spans; their ends lie in elements that are part in contact.
+    assert max(abs(value) for key, value in found.items() if key.startswith("tension 1")) < 5e-4
     assert solution.measures["penetration"] < 1e-9
     assert solution.measures["multiplier_change"] < 1e-5
 
