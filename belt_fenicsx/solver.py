@@ -36,7 +36,6 @@ class Method(NamedTuple):
         shared: Whether the ranks of a communicator solve one scene together.
         knows: Its arguments besides the scene, ``rtol``, ``initial`` and ``comm``.
         why: What it does, so that other arguments mean nothing to it.
-        general: Whether it solves scenes of any kind, instead of that of the source alone.
         helper: Method whose answer it starts from once more where it finds none itself; empty without one.
     """
 
@@ -44,22 +43,21 @@ class Method(NamedTuple):
     shared: bool
     knows: tuple[str, ...]
     why: str
-    general: bool = False
     helper: str = ""
 
 
 METHODS = {
-    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", True, "bvp"),
+    "fitted": Method("fitted.method", False, ("elements", "options"), "which moves its own nodes", helper="bvp"),
     "augmented-lagrangian": Method("lagrangian.method", True, ("elements", "mesh", "options"), "whose mesh is fixed"),
-    "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc", general=True),
-    "string": Method("taut_string.method", False, (), "which is exact", general=True),
+    "bvp": Method("bvp.method", False, ("find_zones",), "which chooses its own meshes and uses no PETSc"),
+    "string": Method("taut_string.method", False, (), "which is exact"),
 }
 
 
 def solve(
     scene: Scene,
     *,
-    method: str | None = None,
+    method: str = "fitted",
     rtol: float = 1e-8,
     elements: int | None = None,
     mesh: Any = None,
@@ -75,8 +73,7 @@ def solve(
         method: ``"fitted"``, finite elements in zones bounded by nodes that move; ``"augmented-lagrangian"``, the
             source's finite elements on a fixed mesh (18.2); ``"bvp"``, the differential equations (18.3) by
             collocation, which uses neither FEniCS nor PETSc; or ``"string"``, the exact string, the limit of a belt
-            that neither bends nor shears. By default, the first one; the second knows one pulley below a belt without
-            loads, between clamps.
+            that neither bends nor shears.
         rtol: Relative tolerance of omega; on a fixed mesh, where the mesh sets the error, of the multipliers.
         elements: Number of elements; chosen by the method where it is left out.
         mesh: Nodes of a fixed mesh, as increasing positions ``(n,)`` in [-Ls/2, Ls/2] [m], or a file of them.
@@ -93,19 +90,9 @@ def solve(
         SceneError: The scene, or an argument, cannot be meant; on all ranks that solve a fixed mesh together.
         SolveError: No admissible solution was found and ``throw`` is true.
     """
-    method = default_method(scene) if method is None else method
     given = {"elements": elements, "mesh": mesh, "options": options}
     arguments = {name: value for name, value in given.items() if value is not None}
     return answer(scene, method, arguments, rtol=rtol, comm=comm, initial=initial, throw=throw)
-
-
-def default_method(scene: Scene) -> str:
-    """The first method that solves scenes of this kind."""
-    return next(name for name, row in METHODS.items() if row.general or not _is_general(scene))
-
-
-def _is_general(scene: object) -> bool:
-    return isinstance(scene, Scene) and not scene.is_published
 
 
 def answer(
@@ -151,9 +138,6 @@ def _checked(scene: object, method: str, arguments: Mapping[str, Any], rtol: obj
     """
     if not isinstance(scene, Scene):
         raise SceneError("scene", "be a Scene", scene)
-    if _is_general(scene) and not METHODS[method].general:
-        able = " or ".join(name for name, row in METHODS.items() if row.general)
-        raise SceneError("method", f"be {able} for what is not one pulley below a belt without loads", method)
     for name, value in arguments.items():
         if name not in METHODS[method].knows:
             raise SceneError(name, f"be left out with the method {method}, {METHODS[method].why}", value)

@@ -33,6 +33,14 @@ def hermite(*, size: int | None = None) -> Any:
     return basix_ufl.element(family, cell, 3, shape=None if size is None else (size,))
 
 
+def broken(degree: int, *, size: int | None = None) -> Any:
+    """Lagrange element that is not continuous between intervals, scalar or with ``size`` components."""
+    if basix_ufl is None:
+        scalar = ufl.FiniteElement("DG", ufl.interval, degree)
+        return scalar if size is None else ufl.VectorElement(scalar, dim=size)
+    return basix_ufl.element("DG", "interval", degree, shape=None if size is None else (size,))
+
+
 def mixed(*elements: Any) -> Any:
     """Mixed element of the given elements."""
     return ufl.MixedElement(list(elements)) if basix_ufl is None else basix_ufl.mixed_element(list(elements))

@@ -43,7 +43,7 @@ def _flag(text: str) -> dict[str, Any]:
 
 # What argparse is told of the options of all commands, and of those of one alone.
 OPTIONS = {
-    "--method": _value("METHOD", f"one of {', '.join(METHODS)}; by default, the first that solves the scene"),
+    "--method": _value("METHOD", f"one of {', '.join(METHODS)}; by default, the first"),
     "--rtol": _value("R", "relative tolerance of omega (default: %(default)s)", default="1e-8"),
     "--elements": _value("N", "number of finite elements"),
     "--mesh": _value("FILE", "nodes of the method augmented-lagrangian: positions, or lines that meshio reads"),

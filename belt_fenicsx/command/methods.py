@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.backend import interrupts
 from belt_fenicsx.backend.compiling import CACHE_VARIABLE
-from belt_fenicsx.command.arguments import check_unused
 from belt_fenicsx.command.output import PROGRAM
 from belt_fenicsx.command.process import Missing, UsageError
 
 if TYPE_CHECKING:
-    from belt_fenicsx.scene.scene import Scene
     from belt_fenicsx.solution.solution import Solution
 
     Solver = Callable[..., Solution]
@@ -31,28 +29,23 @@ KNOWN_OPTIONS = (
 )  # fmt: skip
 
 
-def solver(args: argparse.Namespace, petsc: Sequence[str], scene: Scene, method: str | None) -> Solver:
-    """The function that solves a scene, and others of its kind.
+def solver(args: argparse.Namespace, petsc: Sequence[str], method: str | None) -> Solver:
+    """The function that solves a scene.
 
     Args:
         args: The arguments.
         petsc: PETSc's options.
-        scene: The scene.
         method: The method; the default one where it is left out.
 
     Raises:
-        SceneError: The default method has no use for some of the arguments.
         Missing: The method needs what is not installed.
     """
-    from belt_fenicsx.solver import METHODS, default_method, solve
+    from belt_fenicsx.solver import METHODS, solve
 
     options: dict[str, Any] = {"rtol": args.rtol, "throw": False}
     if method is not None:
         options["method"] = method
-    used = method or default_method(scene)
-    if "options" not in METHODS[used].knows:
-        if method is None:
-            check_unused(used, args, petsc)
+    if method is not None and "options" not in METHODS[method].knows:
         return functools.partial(solve, **options)
     if args.elements is not None:
         options["elements"] = args.elements

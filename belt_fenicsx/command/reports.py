@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def solve_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene; the report shows, draws and writes the answer."""
-    solution = solver(args, petsc, scene, args.method)(scene)
+    solution = solver(args, petsc, args.method)(scene)
     check_used(petsc, solution)
 
     def report() -> int:
@@ -83,7 +83,7 @@ def sweep_scenes(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -
 
 def _sweep(scene: Scene, args: argparse.Namespace, petsc: Sequence[str], *, shows_rows: bool, **more: Any) -> Sweep:
     """The sweep; where it is interrupted, the error says what it leaves."""
-    method = solver(args, petsc, scene, args.method)
+    method = solver(args, petsc, args.method)
     from belt_fenicsx.sweeps.sweep import sweep
 
     asked = {"over": args.over, "values": args.values, "solver": method, "out": args.out, "keep_fields": False, **more}
@@ -146,11 +146,8 @@ class _Table:
 
 def check_scene(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:
     """Solves a scene by two methods; the report shows their certificates."""
-    if scene.is_published:
-        methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
-    else:
-        methods = (args.method, "bvp" if args.method == "string" else "string")
-    solutions = [solver(args, petsc, scene, method)(scene) for method in methods]
+    methods = (args.method, "fitted" if args.method == "bvp" else "bvp")
+    solutions = [solver(args, petsc, method)(scene) for method in methods]
     check_used(petsc, solutions[0])
 
     def report() -> int:

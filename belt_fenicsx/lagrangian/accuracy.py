@@ -15,7 +15,7 @@ import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
-from belt_fenicsx.scene.pulley import RUN_UP
+from belt_fenicsx.scene.pulley import RUN_UP, Pulley
 from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.solution import Solution
 
@@ -29,6 +29,8 @@ SAFETY = {3: 2.0, 2: 4.0}
 # An element resolves a layer if it is at most this number of the layer's lengths long. Measured on random scenes: with
 # elements of 0.5, 1, 2 and 4 bending layers the clamp moment is 0.15, 0.9, 4 and 18 % off; with elements of more than 8
 # shear layers the torque often is, by more than a tenth.
+# A contact has so many elements at least.
+FEWEST = 4
 LONGEST = {"bending": 1.5, "shear": 8.0}
 
 
@@ -77,23 +79,26 @@ def errors(solutions: Sequence[Solution]) -> dict[str, float]:
         sign; that of the moments at the clamps relative to the larger of the two.
     """
     scene, fields = solutions[-1].scene, fields_of(solutions[-1])
-    b1, radius = scene.belt.extensional_stiffness, scene.pulleys[0].radius
-    stretches = np.array([other.contacts[0].omega * radius / other.transport_rate for other in solutions])
-    forces = np.array([other.contacts[0].torque / radius for other in solutions])
+    b1, radii = scene.belt.extensional_stiffness, np.array([pulley.radius for pulley in scene.pulleys])
+    stretches = np.array([[c.omega / other.transport_rate for c in other.contacts] for other in solutions]) * radii
+    forces = np.array([[c.torque for c in other.contacts] for other in solutions]) / radii
     moments = np.array([fields_of(other).M[[0, -1]] for other in solutions])
     # Halving the elements halves a difference.
-    halvings = 2.0 ** np.arange(2 - len(solutions), 1)
-    force = float(np.max(halvings * np.maximum(b1 * np.abs(np.diff(stretches)), np.abs(np.diff(forces)))))
+    halvings = 2.0 ** np.arange(2 - len(solutions), 1)[:, np.newaxis]
+    changes = np.maximum(b1 * np.abs(np.diff(stretches, axis=0)), np.abs(np.diff(forces, axis=0)))
+    force = float(np.max(halvings * changes))
     friction = float(fields.weight @ np.abs(fields.f))
+    safety = SAFETY[len(solutions)]
+    found = {
+        OMEGA: safety * force / (b1 * float(stretches[-1].min())),
+        TORQUE: safety * force / friction if friction else 0.0,
+    }
+    if scene.closed:
+        return found
     moment = float(np.max(np.abs(moments[-1] - moments[-2])) / np.max(np.abs(moments[-1])))
     # At a clamp M grows with the root of the tension, once its layer is resolved.
     tension = float(np.min(np.abs(fields.Q[[0, -1], 0])))
-    safety = SAFETY[len(solutions)]
-    return {
-        OMEGA: safety * force / (b1 * stretches[-1]),
-        TORQUE: safety * force / friction if friction else 0.0,
-        CLAMP_MOMENT: safety * max(moment, force / (2.0 * tension)),
-    }
+    return found | {CLAMP_MOMENT: safety * max(moment, force / (2.0 * tension))}
 
 
 def with_errors(solutions: Sequence[Solution]) -> Solution:
@@ -104,7 +109,7 @@ def with_errors(solutions: Sequence[Solution]) -> Solution:
     mesh and a coarser one tell little.
     """
     solution, measures = solutions[-1], errors(solutions)
-    speed = solution.scene.pulleys[0].radius * solution.contacts[0].omega
+    speed = max(solution.scene.pulleys[c.pulley].radius * abs(c.omega) for c in solution.contacts)
     v_rel = float(2.0 * measures[OMEGA] * speed / np.max(np.abs(fields_of(solution).v_rel)))
     return replace(
         solution,
@@ -133,14 +138,20 @@ def least_resolved(solution: Solution, nodes: Array) -> Layer:
 
 def _layers(solution: Solution, nodes: Array) -> Iterator[Layer]:
     scene, fields, sizes = solution.scene, fields_of(solution), np.diff(nodes)
-    ends = [zone.sigma[0] for zone in solution.zones] + [nodes[-1]]
-    for sigma, in_contact in ((ends[0], False), (ends[1], True), (ends[-2], True), (ends[-1], False)):
+    clamps = [] if scene.closed else [(nodes[0], False), (nodes[-1], False)]
+    borders = [(zone.sigma[end], True) for c in solution.contacts for zone, end in ((c.zones[0], 0), (c.zones[-1], 1))]
+    for sigma, in_contact in (*clamps[:1], *borders, *clamps[1:]):
         element = float(sizes[np.clip(np.searchsorted(nodes, sigma) - 1, 0, len(sizes) - 1)])
         near = int(np.argmin(np.abs(fields.sigma - sigma)))
         x, strain = float(fields.x[near]), float(fields.D[near]) - 1.0
         yield Layer("bending", x, bending_layer(scene, strain), element)
         if in_contact:
             yield Layer("shear", x, shear_layer(scene, strain), element)
+
+
+def _sticks(pulley: Pulley) -> bool:
+    """Whether the belt has to stick somewhere on a pulley: only next to a given speed it may slide all along."""
+    return pulley.friction > 0.0 and pulley.x_trans != RUN_UP and pulley.omega is None
 
 
 def shortcoming(solution: Solution, nodes: Array, largest_error: float) -> str:
@@ -151,15 +162,25 @@ def shortcoming(solution: Solution, nodes: Array, largest_error: float) -> str:
         nodes: Positions of the mesh's nodes ``(n,)`` [m].
         largest_error: Estimated error of a torque or a clamp moment from which on it is no answer.
     """
-    layer, pulley = least_resolved(solution, nodes), solution.scene.pulleys[0]
+    layer = least_resolved(solution, nodes)
     if layer.excess > 1.0:
         return (
             f"The mesh is too coarse for the {layer}, where its element is {layer.element:.3g} m long. It should be "
             f"{layer.longest:.3g} m at most: {math.ceil((nodes[-1] - nodes[0]) / layer.longest)} equal elements, or a "
             "mesh that is finer there."
         )
-    sticks = pulley.friction > 0.0 and pulley.x_trans != RUN_UP
-    if sticks and all(zone.kind != "stick" for zone in solution.zones):
+    lengths = [(c.zones[-1].sigma[1] - c.zones[0].sigma[0], c) for c in solution.contacts]
+    for length, contact in lengths:
+        middle = (contact.zones[0].sigma[0] + contact.zones[-1].sigma[1]) / 2.0
+        element = float(np.interp(middle, (nodes[1:] + nodes[:-1]) / 2.0, np.diff(nodes)))
+        if length < FEWEST * element:
+            wanted = math.ceil(FEWEST * element / length * (len(nodes) - 1))
+            return (
+                f"The contact with pulley {contact.pulley} is {length:.3g} m long, fewer than {FEWEST} elements of "
+                f"{element:.3g} m: {wanted} elements would do."
+            )
+    sticking = [c for c in solution.contacts if _sticks(solution.scene.pulleys[c.pulley])]
+    if any(all(zone.kind != "stick" for zone in contact.zones) for contact in sticking):
         longest = float(np.diff(nodes).max())
         return f"No stick zone was found before the transition: it is shorter than two elements of {longest:.3g} m."
     error, name = max((solution.measures.get(name, 0.0), name) for name in (TORQUE, CLAMP_MOMENT))

@@ -24,7 +24,6 @@ import numpy as np
 from mpi4py import MPI
 
 from belt_fenicsx.lagrangian import reading
-from belt_fenicsx.lagrangian.forms import Problem
 from belt_fenicsx.lagrangian.guess import from_fields, from_string
 from belt_fenicsx.lagrangian.multipliers import Multipliers, Penalties
 from belt_fenicsx.lagrangian.newton import NewtonError
@@ -54,6 +53,7 @@ class Task(NamedTuple):
         rtol: Relative change of omega that the last updates may still make.
         options: The caller's PETSc options.
         tolerances: All other tolerances.
+        rate: Dimensionless transport rate that goes with the fields to start from.
     """
 
     scene: Scene
@@ -62,6 +62,7 @@ class Task(NamedTuple):
     rtol: float
     options: Options
     tolerances: Tolerances
+    rate: float = 1.0
 
     @property
     def elements(self) -> int:
@@ -73,14 +74,15 @@ class Run:
     """A task on its way through the steps.
 
     Args:
-        problem: Forms, function spaces and Newton solver.
+        problem: Forms, function spaces and Newton solver, of a `forms.Problem` or what stands for it.
         task: The task.
         stages: What was done so far.
     """
 
-    def __init__(self, problem: Problem, task: Task, stages: Stages) -> None:
+    def __init__(self, problem: Any, task: Task, stages: Stages) -> None:
         self.problem, self.task, self.stages, self.tolerances = problem, task, stages, task.tolerances
         self.pulley, self.iterations = task.scene.pulleys[0], 0
+        self.radius = min(pulley.radius for pulley in task.scene.pulleys)
         self.measures: dict[str, float] = {}
         # One answer for all ranks: what is logged is computed by all.
         self.logs = problem.space.comm.bcast(logger.isEnabledFor(logging.INFO))
@@ -97,12 +99,12 @@ class Run:
         """Takes the steps and reads off the solution."""
         try:
             self._begin()
-            state = self._update_to_rest()
+            answer = self._answer(self._update_to_rest())
         except NewtonError as failure:
             return self._end(Status.NEWTON_DIVERGED, message=f"Stage `{self.stages[-1].name}`: {failure}")
         except Stopped as stopped:
             return self._end(stopped.status, message=f"Stage `{self.stages[-1].name}`: {stopped.message}")
-        return self._end(Status.SOLVED, **reading.answer(self.task.scene, *self._gather(state)))
+        return self._end(Status.SOLVED, **answer)
 
     def _end(self, status: Status, **answer: Any) -> Solution:
         return Solution(
@@ -161,11 +163,23 @@ class Run:
         self.iterations += iterations
         return iterations
 
-    def _update(self, state: State, friction: float) -> None:
-        """Steps 3b and 3c; measures the change of the multipliers and the penetration, both relative."""
+    def _update(self, state: Any, friction: float) -> None:
+        """Steps 3b and 3c."""
         old, penalty = self.multipliers, np.minimum(self.penalty, self.limit)
-        new = self.multipliers = old.update(state, self.pulley, penalty=penalty, friction=friction)
-        blur = self.tolerances.blur * EPS * self.pulley.radius * penalty * (new.p > 0.0)
+        self.multipliers = old.update(state, self.pulley, penalty=penalty, friction=friction)
+        self._measure(state, old, penalty)
+
+    def _measure(self, state: Any, old: Multipliers, penalty: Array, missed: float = 0.0) -> None:
+        """Measures the change of the multipliers and the penetration, both relative.
+
+        Args:
+            state: The state.
+            old: Multipliers before the update.
+            penalty: Penalty of the pressure.
+            missed: Force by which drives are missed.
+        """
+        new, radius = self.multipliers, self.radius
+        blur = self.tolerances.blur * EPS * radius * penalty * (new.p > 0.0)
         parts = (np.abs(new.p - old.p), np.abs(new.f - old.f), new.f - old.f, new.p, blur)
         sums = np.array([np.sum(state.weight * part) for part in parts])
         deepest = np.max(np.abs(state.g), where=new.p > 0.0, initial=0.0, keepdims=True)
@@ -174,10 +188,10 @@ class Run:
         dp, df, resultant, pressure, blurred = sums
         if pressure == 0.0:
             raise Stopped(Status.CONTACT_LOST, "no Gauss point is in contact")
-        change = max(dp, df, self.tolerances.resultant_factor * abs(resultant))
+        change = max(dp, df, self.tolerances.resultant_factor * max(abs(resultant), missed))
         self.measures = {
             "multiplier_change": float(change / pressure),
-            "penetration": float(deepest.item() / self.pulley.radius),
+            "penetration": float(deepest.item() / radius),
             "penalty": self.penalty,
             "rounding": float((self.tolerances.rounding * np.sum(self.rounding) + blurred) / pressure),
         }
@@ -193,15 +207,18 @@ class Run:
         penetration = np.clip(tolerances.penetration * rtol, *tolerances.penetration_range)
         return unchanged and bool(self.measures["penetration"] <= penetration)
 
-    def _gather(self, state: State) -> tuple[State, Multipliers]:
-        """State and multipliers at the Gauss points of all ranks and at the clamps ``(n,)``, along the belt."""
-        clamps = self.problem.clamps()
+    def _answer(self, state: Any) -> dict[str, Any]:
+        """What is read from the state at rest, as arguments of a solution."""
+        columns = self._gathered(state, self.problem.clamps())
+        return reading.answer(self.task.scene, State(*columns[:-2]), Multipliers(*columns[-2:]))
+
+    def _gathered(self, state: Any, clamps: Any) -> Array:
+        """State and multipliers at the Gauss points of all ranks and at the belt's ends ``(.., n)``, along the belt."""
         inside = np.stack([*state, *self.multipliers], axis=-1)
         ends = np.stack([*clamps, *np.zeros((2, len(clamps.sigma)))], axis=-1)
         table = np.concatenate([inside.reshape(-1, inside.shape[-1]), ends])
         # Contiguous: of columns of a table NumPy 1 rounds angles in one of two ways, by the place of the result.
-        columns = np.ascontiguousarray(self.problem.space.gather(table[np.argsort(table[:, 0])]).T)
-        return State(*columns[:-2]), Multipliers(*columns[-2:])
+        return np.ascontiguousarray(self.problem.space.gather(table[np.argsort(table[:, 0])]).T)
 
     def _log(self, update: int, iterations: int, state: State) -> None:
         """Logs the course of an update, on rank 0; collective."""

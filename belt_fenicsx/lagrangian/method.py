@@ -4,6 +4,9 @@ Where the borders of the contact zone are is not known before, so a fine mesh st
 (`loop.Run`, on each of them), from which its errors are estimated, too (`accuracy`). Ranks share the meshes that are
 large enough for it; small ones the first rank solves alone. The answer is as good as the mesh, which knows the contact
 zone to a part of an element.
+
+More than the source's one pulley between clamps with a given transition is a drive (`drive_loop.DriveRun`): several
+pulleys, loops, loads, a fibre that touches, speeds and torques.
 """
 
 from __future__ import annotations
@@ -19,11 +22,13 @@ import numpy as np
 from mpi4py import MPI
 
 from belt_fenicsx.backend.ranks import agreed, on_first
-from belt_fenicsx.lagrangian.accuracy import shortcoming, with_errors
+from belt_fenicsx.lagrangian.accuracy import fields_of, shortcoming, with_errors
+from belt_fenicsx.lagrangian.drive_loop import DriveRun
 from belt_fenicsx.lagrangian.loop import NAME, Run, Task
 from belt_fenicsx.lagrangian.nodes import coarsen, node_positions
 from belt_fenicsx.lagrangian.problems import problems, taking_turns
 from belt_fenicsx.lagrangian.tolerances import Tolerances
+from belt_fenicsx.lagrangian.track import Track
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
@@ -35,13 +40,14 @@ from belt_fenicsx.solution.status import Status
 
 TOLERANCES = Tolerances()
 
-# Where neither a number of elements nor a mesh is given, this number is taken.
-ELEMENTS = 100
+# Where neither a number of elements nor a mesh is given, this number is taken; for a drive, so many for each pulley, or
+# more where its layers ask for them.
+ELEMENTS, DRIVE_ELEMENTS = 100, 200
 
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.
 HALVINGS, COARSEST = 2, 8
-# A mesh of more than FINE nodes starts from one of fewer elements by the factor COARSENING. From the string, Newton's
-# iteration would have to move the borders over many small elements; from a coarser mesh over few.
+# A mesh of more than FINE nodes for each pulley starts from one of fewer elements by the factor COARSENING. From the
+# string, Newton's iteration would have to move the borders over many small elements; from a coarser mesh over few.
 FINE, COARSENING = 200, 4
 
 
@@ -68,8 +74,8 @@ def solve(
         message says which one would do.
 
     Raises:
-        SceneError: The pulley is driven in another way, the transition is not in the contact zone, the mesh is none of
-            this belt, ranks that solve together ask for different things, or do so from a thread.
+        SceneError: A pulley moves by a take-up, a transition is not in the contact zone, the mesh is none of this belt,
+            ranks that solve together ask for different things, or do so from a thread.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     tolerances = TOLERANCES if tolerances is None else tolerances
@@ -77,11 +83,12 @@ def solve(
     def pose() -> tuple[Task, Units]:
         _check_drive(scene)
         plain, units = scene.dimensionless()
-        nodes = _nodes(scene, elements, mesh) / units.length
-        start = None
+        nodes = _nodes(scene, plain, units, elements, mesh)
+        start, rate = None, 1.0
         if initial is not None and initial.fields is not None:
-            start = initial.fields.in_units(initial.scene.dimensionless()[1].inverse())
-        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances), units
+            before = initial.scene.dimensionless()[1]
+            start, rate = initial.fields.in_units(before.inverse()), initial.transport_rate / before.rate
+        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances, rate), units
 
     def text(posed: tuple[Task, Units]) -> str:
         # Starts may differ by rounding, so that only whether there is one has to be the same on all ranks.
@@ -95,13 +102,27 @@ def solve(
 
 
 def _check_drive(scene: Scene) -> None:
-    pulley = scene.pulleys[0]
-    if pulley.drive.kind != "x_trans":
-        expected = f"be left out with the method {NAME}, which needs `x_trans`"
-        raise SceneError(f"pulleys.0.{pulley.drive.kind}", expected, pulley.drive.value)
+    for index, pulley in enumerate(scene.pulleys):
+        if pulley.take_up is not None:
+            expected = f"be left out with the method {NAME}, whose pulleys stand still"
+            raise SceneError(f"pulleys.{index}.take_up", expected, pulley.take_up)
 
 
-def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
+def _is_drive(scene: Scene) -> bool:
+    """Whether a scene is more than the source's, which has forms and a reading of its own."""
+    return not scene.is_published or scene.pulleys[0].drive.kind != "x_trans"
+
+
+def _nodes(scene: Scene, plain: Scene, units: Units, elements: int | None, mesh: Any) -> Array:
+    """Positions of the nodes ``(elements + 1,)`` in the belt's length; those of a loop as `Track` counts them."""
+    if _is_drive(scene) and mesh is None:
+        track = Track.of(plain)
+        return track.nodes(plain, elements or max(DRIVE_ELEMENTS * len(scene.pulleys), track.elements(plain)))
+    nodes = _positions(scene, elements, mesh) / units.length
+    return Track.of(plain).rolled(nodes) if scene.closed else nodes
+
+
+def _positions(scene: Scene, elements: int | None, mesh: Any) -> Array:
     """Positions of the nodes ``(elements + 1,)`` [m]."""
     if mesh is None:
         return np.linspace(-scene.belt.length / 2, scene.belt.length / 2, (elements or ELEMENTS) + 1)
@@ -112,15 +133,21 @@ def _nodes(scene: Scene, elements: int | None, mesh: Any) -> Array:
 
 def _solve_on_meshes(comm: MPI.Comm, task: Task) -> Solution:
     """The dimensionless solution on the last of the meshes that lead to it, with its estimated errors; collective."""
-    stages, solutions, start = Stages(), [], task.start
+    stages, solutions, start, rate = Stages(), [], task.start, task.rate
     for nodes in _coarser_meshes(task):
-        solution = _solve_on_ranks(comm, task._replace(nodes=nodes, start=start, rtol=task.tolerances.coarse_rtol))
+        solution = _solve_on_ranks(
+            comm, task._replace(nodes=nodes, start=start, rate=rate, rtol=task.tolerances.coarse_rtol)
+        )
         stages += [replace(stage, name=f"{stage.name}, {len(nodes) - 1} elements") for stage in solution.stages]
         solutions.append(solution)
         if task.start is None:
-            start = solution.fields
-    solution = _solve_on_ranks(comm, task._replace(start=start))
+            start, rate = solution.fields, solution.transport_rate
+    solution = _solve_on_ranks(comm, task._replace(start=start, rate=rate))
     stages += solution.stages
+    if solution.fields is None and start is not None and task.start is None and _is_drive(task.scene):
+        # Pulleys that a coarse mesh hardly sees may lead a fine one astray.
+        solution = _solve_on_ranks(comm, task)
+        stages += solution.stages
     finest_first = [solution, *reversed(solutions[-HALVINGS:])]
     usable = list(itertools.takewhile(lambda other: other.status is Status.SOLVED, finest_first))
     if len(usable) > 1:
@@ -138,7 +165,7 @@ def _coarser_meshes(task: Task) -> list[Array]:
     # With a start as good as another mesh's, each further mesh is one more to pay for.
     while len(meshes) <= (HALVINGS if task.start is None else 1) and len(meshes[0]) > 2 * COARSEST:
         meshes.insert(0, coarsen(meshes[0], 2))
-    while task.start is None and len(meshes[0]) > FINE:
+    while task.start is None and len(meshes[0]) > FINE * len(task.scene.pulleys):
         meshes.insert(0, coarsen(meshes[0], COARSENING))
     return meshes[:-1]
 
@@ -153,19 +180,31 @@ def _solve_on_ranks(comm: MPI.Comm, task: Task) -> Solution:
 
 
 def _solve_on_mesh(task: Task, comm: MPI.Comm) -> Solution:
-    stages, frictional = Stages(), task.scene.pulleys[0].friction > 0.0
-    with problems(comm.py2f()).using(task.elements, task.options, frictional=frictional) as problem:
+    stages, scene = Stages(), task.scene
+    frictional, drive = any(pulley.friction > 0.0 for pulley in scene.pulleys), _is_drive(scene)
+    closed = scene.closed if drive else None
+    with problems(comm.py2f()).using(task.elements, task.options, frictional=frictional, closed=closed) as problem:
         stages.ran("set-up", "forms and spaces")
-        return Run(problem, task, stages).solve()
+        return (DriveRun if drive else Run)(problem, task, stages).solve()
+
+
+def _told(solution: Solution, nodes: Array) -> Array:
+    """Nodes in the coordinate of the solution, to half an element in a loop, where it begins at the first run-up."""
+    if not solution.scene.closed:
+        return nodes
+    weight = fields_of(solution).weight
+    half = solution.scene.belt.length / 2.0
+    return np.append(0.0, np.cumsum(weight[weight > 0.0]))[::2] - half
 
 
 def _judge(solution: Solution, nodes: Array, tolerances: Tolerances) -> Solution:
     """Certifies a solution, and takes the success back where the mesh is too coarse."""
     if solution.status is not Status.SOLVED:
         return solution
-    check_transition(solution.scene, solution.contacts[0].x_up, solution.contacts[0].x_off)
+    for contact in solution.contacts:
+        check_transition(solution.scene, contact.x_up, contact.x_off, contact.pulley)
     solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance)
-    message = shortcoming(solution, nodes, tolerances.largest_error)
+    message = shortcoming(solution, _told(solution, nodes), tolerances.largest_error)
     if not message:
         return solution
     status = Status.ACCURACY_NOT_REACHED if solution.success else solution.status

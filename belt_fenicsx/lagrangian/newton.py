@@ -53,8 +53,8 @@ class Newton:
     ) -> None:
         self._F, self._J = fem.form(residual), fem.form(jacobian)
         index_map = unknown.function_space.dofmap.index_map
-        self._fixed = fixed[fixed < index_map.size_local]
-        self._bcs = [fem.dirichletbc(unknown, fixed.astype(np.int32))]
+        self._unknown, self._owned = unknown, index_map.size_local
+        self.fix(fixed)
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
         self._matrix: PETSc.Mat | None = None
@@ -76,6 +76,17 @@ class Newton:
         }
         set_options(self.snes, defaults, options)
 
+    def fix(self, dofs: Array) -> None:
+        """Fixes these dofs, by local numbers, and no others."""
+        self._fixed = dofs[dofs < self._owned]
+        self._bcs = [fem.dirichletbc(self._unknown, dofs.astype(np.int32))]
+        self._reactions = np.zeros(self._fixed.size)
+
+    @property
+    def reaction(self) -> float:
+        """Sum of the forces that hold this rank's fixed dofs, in the last residual."""
+        return float(self._reactions.sum())
+
     def _load(self, x: PETSc.Vec) -> None:
         x.copy(self._w)
         self._w.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
@@ -86,6 +97,7 @@ class Newton:
             local.set(0.0)
         petsc.assemble_vector(b, self._F)
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._reactions = b.array_r[self._fixed]
         b.array_w[self._fixed] = 0.0
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:

@@ -75,14 +75,18 @@ def read_positions(path: Path) -> Array:
         raise SceneError("mesh", expected, str(path)) from None
 
 
-def map_slopes(positions: Array) -> Array:
+def map_slopes(positions: Array, *, closed: bool = False) -> Array:
     """Slopes at the nodes of a C1 map from unit cells to these.
 
     Harmonic means make it increase everywhere (Fritsch and Butland 1984, doi:10.1137/0905021); the outer slopes are
-    extrapolated, within the bounds that keep it so.
+    extrapolated, within the bounds that keep it so. In a ring they are that of one node.
     """
     sizes = np.diff(positions)
+    if closed:
+        sizes = np.concatenate([sizes[-1:], sizes, sizes[:1]])
     inner = 2.0 * sizes[:-1] * sizes[1:] / (sizes[:-1] + sizes[1:])
+    if closed:
+        return inner
     outer, next_to_it = sizes[[0, -1]], sizes[[1, -2]]
     ends = np.clip((3.0 * outer - next_to_it) / 2.0, outer / 2.0, 2.0 * outer)
     return np.concatenate([ends[:1], inner, ends[1:]])

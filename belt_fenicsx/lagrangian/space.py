@@ -6,6 +6,8 @@ set here, by number, on a mesh of unit cells (see `belt_fenicsx.lagrangian.mesh`
 
 from __future__ import annotations
 
+from typing import Any
+
 import basix
 import numpy as np
 import ufl
@@ -45,9 +47,9 @@ class HermiteSpace:
         eta: Coordinates of the owned cells' Gauss points ``(cells, points)``, from left to right.
     """
 
-    def __init__(self, elements: int, comm: MPI.Comm) -> None:
+    def __init__(self, elements: int, comm: MPI.Comm, *, closed: bool = False) -> None:
         self.comm = comm
-        self.mesh, self._cells = unit_cells(elements, comm)
+        self.mesh, self._cells = unit_cells(elements, comm, closed=closed)
         scalar = compat.function_space(self.mesh, compat.hermite())
         mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
         self.gauss = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
@@ -57,9 +59,10 @@ class HermiteSpace:
         )
         nodes = compat.nodes(self.mesh)[self._cells]
         self.first = round(nodes[0, 0])
+        # Those of the first node alone in a ring.
         ends = (nodes == 0.0) | (nodes == float(elements))
-        clamped = [self._dofs[:, np.take(dofs, VALUES)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
-        self.clamped = np.unique(np.concatenate(clamped)).astype(np.int32)
+        self._ends = [self._dofs[:, np.take(dofs, VALUES)][ends] for dofs in (X_DOFS, Y_DOFS, THETA_DOFS)]
+        self.clamped = np.unique(np.concatenate(self._ends)).astype(np.int32)
         self.points, self.weights = basix.make_quadrature(basix.CellType.interval, CONTACT_DEGREE)
         self.eta = nodes[:, :1] + self.points.ravel()
         numbers = np.sort(self._cells)
@@ -89,6 +92,17 @@ class HermiteSpace:
         dofs = self._dofs[:, np.array([X_DOFS, Y_DOFS, THETA_DOFS])]
         values = self.w.x.array[np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]])]
         return np.moveaxis(values, -1, 0)
+
+    def first_node(self, axis: int) -> Array:
+        """Local dofs of x (0) or y (1) at the first node of a ring, on the ranks that know it."""
+        return np.unique(self._ends[axis]).astype(np.int32)
+
+    def cellwise(self, element: Any) -> tuple[fem.Function, Array]:
+        """A function of an element that is broken between cells, and its dofs in the owned cells ``(cells, dofs)``."""
+        function = fem.Function(compat.function_space(self.mesh, element))
+        space = function.function_space
+        dofs, size = compat.table(space.dofmap.list)[self._cells], space.dofmap.index_map_bs
+        return function, (dofs[:, :, np.newaxis] * size + np.arange(size)).reshape(len(dofs), -1)
 
     def set_gauss(self, function: fem.Function, values: Array) -> None:
         """Sets a Gauss-point coefficient from values on the owned cells ``(cells, points)``."""

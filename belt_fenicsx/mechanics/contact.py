@@ -17,6 +17,11 @@ def penetration(r: Expr, *, radius: Expr, center: Expr) -> Expr:
     return radius - ufl.sqrt(ufl.dot(r - center, r - center))
 
 
+def fibre(r: Expr, theta: Expr, *, offset: Expr) -> Expr:
+    """Place r - d e2 of the fibre that touches, at an offset d from the middle line."""
+    return r - offset * ufl.as_vector([-ufl.sin(theta), ufl.cos(theta)])
+
+
 def penetration_near(
     place: Expr, deviation: Expr, *, radius: Expr, excess: Expr, offset: Expr, side: Expr, e2: Expr
 ) -> Expr:

@@ -21,7 +21,12 @@ class Strains(NamedTuple):
 
 def along(sigma: Expr) -> Derivative:
     """The derivative d/dsigma on a mesh of unit cells, sigma = sigma(eta)."""
-    return lambda field: field.dx(0) / sigma.dx(0)
+    return along_slope(sigma.dx(0))
+
+
+def along_slope(slope: Expr) -> Derivative:
+    """The same from the slope of sigma by the mesh's coordinate."""
+    return lambda field: field.dx(0) / slope
 
 
 def stretch(r: Expr, d_sigma: Derivative) -> Expr:

@@ -16,7 +16,7 @@ from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
-from belt_fenicsx.solution.reading import along, arc, beside, directions, fibre, force, on_pulley, parts_of
+from belt_fenicsx.solution.reading import along, arc, beside, directions, fibre, force, on_pulley, parts_of, weighed
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
@@ -98,16 +98,16 @@ def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
 
 
-def check_transition(scene: Scene, x_up: float, x_off: float) -> None:
+def check_transition(scene: Scene, x_up: float, x_off: float, pulley: int = 0) -> None:
     """Checks that the transition was asked for inside of the contact zone that was found.
 
     Raises:
         SceneError: It was not.
     """
-    x_trans = scene.pulleys[0].x_trans
-    if x_trans is None or isinstance(x_trans, str) or x_up < x_trans < x_off:
+    x_trans, (low, high) = scene.pulleys[pulley].x_trans, sorted((x_up, x_off))
+    if x_trans is None or isinstance(x_trans, str) or low < x_trans < high:
         return
-    raise SceneError("pulleys.0.x_trans", f"lie in the contact zone ({x_up:.6g}, {x_off:.6g}) [m]", x_trans)
+    raise SceneError(f"pulleys.{pulley}.x_trans", f"lie in the contact zone ({low:.6g}, {high:.6g}) [m]", x_trans)
 
 
 def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> tuple[Check, ...]:
@@ -239,10 +239,11 @@ def _balances(solution: Solution, fields: Fields, parts: Sequence[slice], allowe
     for contact in solution.contacts:
         pulley, zones_on = scene.pulleys[contact.pulley], on_pulley(zones, contact.pulley)
         on, arm, number = arc(parts, zones_on), r - complex(*contact.center), _numbered(scene, contact.pulley)
-        before, after = beside(scene, fields, parts, zones_on, N)
+        taken, turned = weighed(scene, fields, complex(*contact.center))
+        before, after = beside(scene, fields, parts, zones_on, N, taken)
         load = (fields.f[on] + 1j * pulley.turn * fields.p[on]) * directions(fields.phi[on]) * fields.weight[on]
         defect = after - before + load.sum()
-        before, after = beside(scene, fields, parts, zones_on, M + (arm.conj() * N).imag)
+        before, after = beside(scene, fields, parts, zones_on, M + (arm.conj() * N).imag, turned)
         lever = fibre(scene, fields, pulley.turn, on) - complex(*contact.center)
         twist = (after - before).real + np.vdot(lever, load).imag
         if line_weight:

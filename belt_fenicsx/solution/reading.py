@@ -63,6 +63,7 @@ def contacts_of(
             by default, the first and the last points of the zones.
     """
     parts, N = parts_of(fields, zones), force(scene, fields, rate)
+    taken, _ = weighed(scene, fields)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
     contacts = []
     for index, pulley in enumerate(scene.pulleys):
@@ -83,7 +84,7 @@ def contacts_of(
             _counted_on((place - center) * pulley.turn / 1j, near)
             for place, near in zip(ends, fields.phi[points].tolist(), strict=True)
         )
-        before, after = beside(scene, fields, parts, on, N)
+        before, after = beside(scene, fields, parts, on, N, taken)
         contacts.append(
             Contact(
                 pulley=index,
@@ -173,11 +174,11 @@ def arc(parts: Sequence[slice], on: Sequence[int]) -> slice:
 
 
 def beside(
-    scene: Scene, fields: Fields, parts: Sequence[slice], on: Sequence[int], values: Array
+    scene: Scene, fields: Fields, parts: Sequence[slice], on: Sequence[int], values: Array, taken: Array | None
 ) -> tuple[complex, complex]:
     """What loads alone change, at the end of the span before a pulley and at the start of the one behind it.
 
-    In a span without gravity it is constant; its mean is what a fixed mesh holds in equilibrium where it does not
+    In a span it is constant but for the weight; its mean is what a fixed mesh holds in equilibrium where it does not
     resolve the layers. Where the belt touches the pulley next to a clamp, there is no span on that side.
 
     Args:
@@ -186,13 +187,29 @@ def beside(
         parts: The points of each zone.
         on: Indices of the zones on the pulley.
         values: Values at all points ``(n,)``.
+        taken: What the weight has taken from them on the way there ``(n,)``; None without weight.
     """
     before = parts[on[0] - 1] if on[0] or scene.closed else slice(0, 1)
     after = parts[on[-1] + 1] if on[-1] + 1 < len(parts) else slice(-1, None)
-    if any(scene.gravity):
-        return complex(values[before][-1]), complex(values[after][0])
     first, last = fields.weight[before], fields.weight[after]
-    return complex(values[before] @ first / first.sum()), complex(values[after] @ last / last.sum())
+    kept = values if taken is None else values + taken
+    up, off = complex(kept[before] @ first / first.sum()), complex(kept[after] @ last / last.sum())
+    return (up, off) if taken is None else (up - complex(taken[before][-1]), off - complex(taken[after][0]))
+
+
+def weighed(scene: Scene, fields: Fields, origin: complex = 0j) -> tuple[Array, Array] | tuple[None, None]:
+    """Force of the weight, and its moment about a point, summed up along the belt ``(n,)``; None without weight.
+
+    The places of the belt are integrated as cubics between the points.
+    """
+    line_weight = scene.belt.line_density * complex(*scene.gravity)
+    if not line_weight:
+        return None, None
+    arm, steps = places(fields.r) - origin, np.diff(fields.sigma)
+    slope = (1.0 + fields.eps + 1j * fields.Gamma) * directions(fields.theta)
+    pieces = steps * (arm[1:] + arm[:-1]) / 2.0 - steps**2 * np.diff(slope) / 12.0
+    lever = np.append(0.0, np.cumsum(pieces))
+    return line_weight * fields.sigma, (lever.conj() * line_weight).imag
 
 
 def _lost(fields: Fields, part: slice) -> float:

@@ -186,10 +186,15 @@ def test_transition_outside_contact_names_the_contact_zone():
         solve_fixed(scene(x_trans=0.3))
 
 
-@pytest.mark.parametrize(("drive", "value"), [("omega", 1.48), ("torque", 600.0)])
-def test_other_drives_are_refused(drive, value):
-    with pytest.raises(SceneError, match=f"`pulleys.0.{drive}` must be left out with the method augmented-lagrangian"):
-        solve_fixed(scene(**{drive: value}))
+@pytest.mark.parametrize(
+    ("drive", "omega", "torque"), [({"omega": 1.48}, 1.48, 772.890001), ({"x_trans": 0.0}, OMEGA, 610.315737)]
+)
+def test_a_drive_by_speed_or_torque_is_that_by_its_transition(drive, omega, torque):
+    by_drive, by_torque = (solve_fixed(scene(**given), elements=400) for given in (drive, {"torque": torque}))
+    assert by_drive.omega == pytest.approx(omega, rel=1e-5)
+    assert by_drive.contacts[0].torque == pytest.approx(torque, rel=1e-3)
+    assert by_torque.omega == pytest.approx(omega, rel=1e-5)
+    assert by_torque.contacts[0].torque == pytest.approx(torque, rel=1e-12)
 
 
 def test_failure_names_its_stage_and_can_be_had_without_an_exception():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_up import DISTANCE, RADIUS, RATE, SLACK, SLIP, TIGHT, stretch, two_pulleys
 
-from belt_fenicsx import Pulley, Scene, SceneError, Solution, StiffnessBelt, Sweep, bvp, solve
+from belt_fenicsx import Pulley, Scene, Solution, StiffnessBelt, Sweep, bvp, solve
 from belt_fenicsx.command import main as cli
 from belt_fenicsx.command import reports
 from belt_fenicsx.solution import plot
@@ -267,11 +267,6 @@ def test_columns_of_a_sweep(drive):
     assert table["pulleys.1.torque"][0] == drive.contacts[1].torque and math.isnan(second[2])
     with pytest.raises(KeyError):
         table["omega"]
-
-
-def test_the_method_for_the_published_scene_refuses_drives(drive):
-    with pytest.raises(SceneError, match="`method` must be fitted .* for what is not one pulley .*, got 'augmented-l"):
-        solve(drive.scene, method="augmented-lagrangian")
 
 
 def test_command_line(drive, monkeypatch, capsys, tmp_path):
