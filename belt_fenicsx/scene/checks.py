@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from numbers import Integral, Real
 from typing import Any
 
-METHODS = ("fitted", "bvp", "augmented-lagrangian", "string")  # the default first
+METHODS = ("fitted", "augmented-lagrangian", "bvp", "string")  # the default first
 FEWEST_ELEMENTS = 2  # that any method may be asked for
 RTOL_RANGE = (1e-13, 1e-1)  # of relative tolerances, within what double precision can give
 

@@ -278,7 +278,7 @@ def test_command_line(drive, monkeypatch, capsys, tmp_path):
     path.write_text(tomli_w.dumps(scene_to_dict(drive.scene)))
     asked = []
 
-    def solver(args, petsc, scene, method):
+    def solver(args, petsc, method):
         asked.append(method)
         return lambda scene, **_: drive
 
@@ -286,7 +286,7 @@ def test_command_line(drive, monkeypatch, capsys, tmp_path):
     assert cli.main([str(path)]) == 0
     assert "tension before [N]" in capsys.readouterr().out
     assert cli.main(["check", str(path)]) == 0
-    assert asked == [None, None, "string"]
+    assert asked == [None, None, "bvp"]
     assert capsys.readouterr().out.count("loop closed") == 2
     assert cli.main(["sweep", str(path), "--over", "pulleys.1.torque=-60,-61"]) == 0
     head, *rows = capsys.readouterr().out.splitlines()
