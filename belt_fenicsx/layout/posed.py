@@ -81,7 +81,7 @@ def slips_through(scene: Scene, layout: Layout) -> int | None:
     """
     if scene.transport_rate is not None or gives_rate(scene, layout) is not None:
         return None
-    return next(i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
+    return next((i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"), 0)
 
 
 def _inner_joints(pulley: Pulley, on: Sequence[Part], left: int) -> Iterator[Joint]:

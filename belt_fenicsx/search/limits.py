@@ -7,7 +7,7 @@ from typing import Literal
 
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import ordered
+from belt_fenicsx.layout.posed import ordered, slips_through
 from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
@@ -120,6 +120,13 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
     else:
         state, layout, ends = near
         rows = ordered(limit, [part for part in layout.parts if part.touches])
+        if slips_through(limit, rows) is not None:
+            raise Stopped(
+                Status.CAPACITY_EXCEEDED,
+                "The given speeds are so far apart that the belt slides all along every pulley that has one: nothing "
+                "says how fast it runs. Let a torque drive one of them.",
+                final=True,
+            )
         state = solve.converge(solve.transfer(state, rows, ends), "capacity", f"now {rows}")
     method.stages.ran("capacity", f"sliding all along pulley {index}", solve.stages.iterations)
     if not solve.is_plausible(state):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drives import NAMES, REFERENCE, differences, drive, senses
 
-from belt_fenicsx import bvp
+from belt_fenicsx import bvp, solve
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
@@ -241,6 +241,15 @@ def test_a_loop_without_loads_only_turns(smooth):
     assert solution.success, solution.message
     largest = max(span.tension[1] for span in solution.spans) * scene.pulleys[0].radius
     assert max(abs(contact.torque) for contact in solution.contacts) < 1e-6 * largest
+
+
+@pytest.mark.parametrize("method", ["fitted", "bvp"])
+def test_speeds_that_are_too_far_apart(method):
+    scene = drive("two-equal")
+    apart = replace(scene, pulleys=(scene.pulleys[0], scene.pulleys[1].driven(omega=9.0)))
+    solution = solve(apart, method=method, throw=False)
+    assert solution.status is Status.CAPACITY_EXCEEDED
+    assert "nothing says how fast it runs" in solution.message
 
 
 def test_growth_of_a_chain_of_pulleys_leaves_the_iterations(solved):
