@@ -144,31 +144,33 @@ def curves(limits: dict[Key, float], **arguments: str | float) -> dict[Key, Curv
 
 
 def draw(belts: dict[Key, Curve], strings: dict[Key, Curve]) -> Figure:
-    """Torque and efficiency against creep, each speed with its string."""
+    """Torque and efficiency against creep; a mark, one for each rate, is where a curve ends."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     styles = {
-        "string": {"color": "0.65", "linewidth": 3.0},
-        "thin": {"color": "black", "linewidth": 1.0, "linestyle": "-"},
-        "thick": {"color": "tab:red", "linewidth": 1.4, "linestyle": (0, (5, 2)), "marker": "o", "markersize": 3.0},
+        "string": {"color": "0.7", "linewidth": 3.5},
+        "thin": {"color": "black", "linewidth": 1.0},
+        "thick": {"color": "tab:red", "linewidth": 1.4, "linestyle": (0, (5, 2))},
     }
-    labels = {"string": "string", **{name: f"{name}, h = {1e3 * h:g} mm" for name, h in THICKNESS.items()}}
+    marks = dict(zip(RATES, "o^s", strict=True))
     shown = {**{("string", rate): curve for (_, rate), curve in strings.items()}, **belts}
-    for (name, rate), curve in shown.items():
-        label = labels[name] if rate == RATES[0] else None
-        left.plot(100.0 * curve.creep, curve.torque, label=label, **styles[name])
-        right.plot(100.0 * curve.creep, 100.0 * curve.efficiency, label=label, **styles[name])
-        if name == "thin":
-            end, speed = (100.0 * curve.creep[-1], curve.torque[-1]), f"{rate:g} m/s" if rate else "no inertia"
-            left.annotate(speed, end, xytext=(4, 0), textcoords="offset points", fontsize="small", va="center")
+    for ax in (left, right):
+        for (name, rate), curve in shown.items():
+            percent = 100.0 * curve.creep
+            height, style = curve.torque if ax is left else 100.0 * curve.efficiency, styles[name]
+            label = f"{name}, h = {1e3 * THICKNESS[name]:g} mm" if name in THICKNESS else name
+            ax.plot(percent, height, label=None if rate else label, **style)
+            size = 10.0 if name == "string" else 5.0
+            ax.plot(percent[-1], height[-1], marks[rate], color=style["color"], markersize=size)
+        for rate, mark in marks.items():
+            speed = f"{rate:g} m/s" if rate else "without inertia"
+            ax.plot([], [], mark, color="0.4", markersize=5.0, label=f"capacity, {speed}")
+        ax.set_xlabel("creep [%]")
+    left.legend(fontsize="small")
     left.set_ylabel("torque of the driven pulley [N m]")
     right.set_ylabel("efficiency [%]")
-    for ax in (left, right):
-        ax.set_xlabel("creep [%]")
-        ax.margins(x=0.12)
-        ax.legend(fontsize="small")
     return figure
 
 
@@ -181,9 +183,9 @@ strings = curves({("thin", rate): string_capacity(rate) for rate in RATES}, meth
 # ## Where bending matters
 #
 # A belt that is bent onto a pulley is stretched less there, as bending takes its part of the energy, and the more so
-# the smaller the pulley: by the square of thickness over radius. So an idle drive has a negative creep, in a thick belt
-# as much as a tenth of the load makes up for. That is all that is to be seen of bending in creep; but the thick belt
-# slides along longer parts, and loses more than the string at the same torque, though it creeps less.
+# the smaller the pulley: by the square of thickness over radius. So the creep of an idle drive is negative; that of the
+# thick belt vanishes at a twentieth of its capacity. At the same torque it then loses more than the string, though it
+# creeps less.
 
 # %%
 thin, thick, string = belts["thin", 0.0], belts["thick", 0.0], strings["thin", 0.0]
