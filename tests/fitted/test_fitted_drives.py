@@ -300,6 +300,14 @@ def test_a_second_drive_of_the_same_layout_sets_up_nothing(monkeypatch, solved):
     assert solve(with_last(drive("two-equal"), torque=20.2), method="fitted", rtol=1e-9).success and not made
 
 
+def test_another_layout_of_the_same_kind_compiles_nothing(monkeypatch, solved):
+    compiled = []
+    assert solved("three-idler").success
+    monkeypatch.setattr("belt_fenicsx.fitted.forms.compiled", lambda *_: compiled.append("forms"))
+    other = solve(drive("three-idler"), method="fitted", rtol=1e-9, elements=100)
+    assert other.state.mesh != solved("three-idler").state.mesh and not compiled
+
+
 # Linear algebra
 
 
