@@ -184,8 +184,8 @@ strings = curves({("thin", rate): string_capacity(rate) for rate in RATES}, meth
 #
 # A belt that is bent onto a pulley is stretched less there, as bending takes its part of the energy, and the more so
 # the smaller the pulley: by the square of thickness over radius. So the creep of an idle drive is negative; that of the
-# thick belt vanishes at a twentieth of its capacity. At the same torque it then loses more than the string, though it
-# creeps less.
+# thick belt vanishes at a twentieth of its capacity, if there is no inertia. At the same torque it loses more than the
+# string, though it creeps less.
 
 # %%
 thin, thick, string = belts["thin", 0.0], belts["thick", 0.0], strings["thin", 0.0]
@@ -204,7 +204,7 @@ for rate in RATES:
 # %% [markdown]
 # ## Where inertia matters
 #
-# The faster, the less the string transmits, and so does the thin belt, to a thousandth. The thick one takes a way round
+# The faster, the less the string transmits, and so does the thin belt, to about a thousandth. The thick one takes a way round
 # the pulleys that is a little longer, so that it is strained more than the string. That is little beside the whole
 # tension: without inertia its shorter wrap is more, and it transmits less than the string. But it is much beside what
 # inertia leaves of the tension: at 40 m/s, the thick belt transmits 9 % more.

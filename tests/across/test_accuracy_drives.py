@@ -55,5 +55,5 @@ def test_a_few_drives(loops):
 
 @pytest.mark.slow
 def test_many_drives(loops):
-    """Of these, two have a free idler that nothing slides on, and whose torque is not met beyond rounding."""
+    """Two of them have a free idler, on which a thin belt sticks all along; it misses the torque by rounding."""
     check(list(loops(40, 1)), 0.9)
