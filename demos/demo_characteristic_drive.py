@@ -204,10 +204,10 @@ for rate in RATES:
 # %% [markdown]
 # ## Where inertia matters
 #
-# The faster, the less the string transmits, and so does the thin belt, to about a thousandth. The thick one takes a way round
-# the pulleys that is a little longer, so that it is strained more than the string. That is little beside the whole
-# tension: without inertia its shorter wrap is more, and it transmits less than the string. But it is much beside what
-# inertia leaves of the tension: at 40 m/s, the thick belt transmits 9 % more.
+# The faster, the less the string transmits, and so does the thin belt, to about a thousandth. The thick one takes a way
+# round the pulleys that is a little longer, so that it is strained more than the string. That is little beside the
+# whole tension: without inertia its shorter wrap is more, and it transmits less than the string. But it is much beside
+# what inertia leaves of the tension: at 40 m/s, the thick belt transmits 9 % more.
 
 # %%
 for rate in RATES:
