@@ -9,8 +9,10 @@ import pytest
 from drives import NAMES, REFERENCE, differences, drive, senses
 
 from belt_fenicsx import Belt, Pulley, Scene, Solution, Status, bvp, solve, sweep
-from belt_fenicsx.fitted.dofs import Terms, local, table, terms_of
+from belt_fenicsx.fitted import method as fitted
+from belt_fenicsx.fitted.dofs import Terms, local, table, terms_of, width
 from belt_fenicsx.fitted.elimination import levels
+from belt_fenicsx.fitted.forms import constants_of, residual_and_jacobian, switches_of
 from belt_fenicsx.fitted.newton import iteration_on, newton
 from belt_fenicsx.fitted.state import from_drive
 from belt_fenicsx.taut_string.drive import string_drive
@@ -163,6 +165,29 @@ def test_rtol_is_kept_and_the_estimate_is_honest(name, rtol):
     assert solution.success and error <= solution.error_estimate + 1e-11 <= rtol + 1e-11
 
 
+def error_of_rate(name, **chosen):
+    """Relative error of the transport rate with cells, or a degree, chosen."""
+    solution = fitted.solve(drive(name), rtol=1e-4, **chosen)
+    return abs(solution.transport_rate / REFERENCE[name]["answer"]["transport_rate"] - 1.0)
+
+
+@pytest.mark.parametrize("name", ["two-equal", "two-fast"])
+@pytest.mark.parametrize(("degree", "cells", "least"), [(6, (48, 64, 96, 128), 5.0), (8, (48, 64, 80, 96), 7.0)])
+def test_order_in_the_size_of_cells(name, degree, cells, least):
+    errors = [error_of_rate(name, degree=degree, elements=n) for n in cells]
+    order = -np.polyfit(np.log(cells), np.log(errors), 1)[0]
+    assert order > least, order
+
+
+@pytest.mark.parametrize("name", ["two-equal", "two-fast", "three-idler"])
+def test_the_error_falls_exponentially_with_the_degree(name):
+    degrees = (6, 8, 10)
+    errors = [error_of_rate(name, degree=degree, elements=32) for degree in degrees]
+    # For each degree; it rises by two.
+    factor = np.exp(-np.polyfit(degrees, np.log(errors), 1)[0])
+    assert factor > 3.0, factor
+
+
 @pytest.mark.parametrize("name", ["two-fast", "serpentine", "chapter-surface"])
 def test_warm_start(name, solved):
     again = solve(drive(name), method="fitted", initial=solved(name), rtol=1e-9)
@@ -170,6 +195,25 @@ def test_warm_start(name, solved):
     for solution in (again, from_other):
         assert not any(stage.name == "string" for stage in solution.stages)
         assert solution.transport_rate == pytest.approx(solved(name).transport_rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["two-equal", "two-fast", "three-idler"])
+def test_warm_starts_over_the_torque(name, solved):
+    """From each answer to the next: the same answers, with fewer iterations in all."""
+    index, torque = next((i, p.torque) for i, p in enumerate(drive(name).pulleys) if p.torque)
+    initial, iterations = solved(name), []
+    for part in (0.97, 0.9, 0.8, 1.05):
+        pulleys = list(drive(name).pulleys)
+        pulleys[index] = replace(pulleys[index], torque=part * torque)
+        scene = replace(drive(name), pulleys=tuple(pulleys))
+        cold, warm = solve(scene, rtol=1e-9), solve(scene, rtol=1e-9, initial=initial)
+        assert not any(stage.name == "string" for stage in warm.stages)
+        iterations.append((warm.iterations, cold.iterations))
+        assert warm.transport_rate == pytest.approx(cold.transport_rate, rel=1e-9)
+        assert [c.omega for c in warm.contacts] == pytest.approx([c.omega for c in cold.contacts], rel=1e-9)
+        initial = warm
+    of_warm, of_cold = map(sum, zip(*iterations, strict=True))
+    assert of_warm < of_cold
 
 
 # What a scene does not need
@@ -192,6 +236,22 @@ def test_forms_have_no_terms_that_a_scene_does_not_need(name, terms):
     assert terms_of(drive(name).dimensionless()[0]) == terms
 
 
+def test_unknowns_data_and_switches_of_forms_are_those_that_a_scene_needs():
+    """The plain form knows neither loads nor an offset, and has no transport rate and take-ups among its unknowns."""
+    sizes = {}
+    for terms in (Terms(), Terms(offset=True), Terms(loads=True)):
+        F, J = residual_and_jacobian(6, terms)
+        unknown, *_ = (coefficient.ufl_shape[0] for coefficient in F.coefficients())
+        (constants,) = F.constants()
+        assert constants.ufl_shape == (len(constants_of(terms)),)
+        assert F.coefficients()[1].ufl_shape == (len(switches_of(terms)),)
+        assert len(J.arguments()) == 2
+        sizes[terms] = unknown, constants.ufl_shape[0]
+    plain, offset, loads = sizes.values()
+    assert plain[0] == offset[0] == loads[0] - 2 and width(6, True) - width(6, False) == 2
+    assert (plain[1], offset[1], loads[1]) == (3, 4, 7)
+
+
 def test_the_transport_rate_is_an_unknown_only_where_something_depends_on_it():
     for name, rated in (("two-equal", False), ("two-speeds", True), ("two-fast", True), ("chapter-fast", False)):
         _, state, iteration = iterated(drive(name))
@@ -205,12 +265,29 @@ def test_an_idler_in_pure_stick_has_no_transition(solved):
     assert [len(contact.zones) for contact in solved("serpentine").contacts] == [2, 1, 2, 1]
 
 
+def test_pure_stick_that_meets_the_torque_needs_no_equation_of_a_transition(solved):
+    """The idler's run-up and run-off are all of its borders, and its torque is met though nothing asks for it."""
+    layout = solved("serpentine").state.layout
+    for index in (1, 3):
+        (only,) = layout.on(index)
+        assert [joint.equation for joint in layout.joints[only - 1 : only + 1]] == ["tangent", "tangent"]
+        assert not layout.slides_behind(index)
+    assert abs(solved("serpentine").contacts[1].torque - drive("serpentine").pulleys[1].torque) < 1e-8
+
+
 def test_smooth_pulleys_need_no_friction_unknowns():
     scene = drive("open-S")
     smooth = replace(scene, pulleys=tuple(replace(p, friction=0.0, x_trans="run-up") for p in scene.pulleys))
     assert terms_of(smooth.dimensionless()[0]) == Terms(friction=False)
     solution = solve(smooth, method="fitted")
     assert not solution.fields.f.any() and [contact.torque for contact in solution.contacts] == [0.0, 0.0]
+    sizes = []
+    for each in (smooth, replace(smooth, pulleys=tuple(replace(p, friction=0.1) for p in smooth.pulleys))):
+        _, state, iteration = iterated(each)
+        sizes.append(iteration.condensed.table.count)
+        assert state.degree == 4
+    # One friction for each cell is shared, those at the other Gauss points are eliminated with the cell.
+    assert sizes[0] < sizes[1]
 
 
 def test_a_second_drive_of_the_same_layout_sets_up_nothing(monkeypatch, solved):
@@ -218,7 +295,17 @@ def test_a_second_drive_of_the_same_layout_sets_up_nothing(monkeypatch, solved):
     solve(with_last(drive("two-equal"), torque=20.1), method="fitted", rtol=1e-9)
     monkeypatch.setattr("belt_fenicsx.fitted.newton.Iteration.__init__", lambda *_: made.append("iteration"))
     monkeypatch.setattr("belt_fenicsx.fitted.kernels.Kernel.__init__", lambda *_: made.append("forms"))
+    monkeypatch.setattr("belt_fenicsx.fitted.forms.compiled", lambda *_: made.append("compiled"))
+    monkeypatch.setattr("belt_fenicsx.fitted.cells.Mesh.__init__", lambda *_: made.append("mesh"))
     assert solve(with_last(drive("two-equal"), torque=20.2), method="fitted", rtol=1e-9).success and not made
+
+
+def test_another_layout_of_the_same_kind_compiles_nothing(monkeypatch, solved):
+    compiled = []
+    assert solved("three-idler").success
+    monkeypatch.setattr("belt_fenicsx.fitted.forms.compiled", lambda *_: compiled.append("forms"))
+    other = solve(drive("three-idler"), method="fitted", rtol=1e-9, elements=100)
+    assert other.state.mesh != solved("three-idler").state.mesh and not compiled
 
 
 # Linear algebra
@@ -317,6 +404,15 @@ def test_sweep_of_a_torque_goes_on_from_the_drive_before():
     assert table.success
     rates = [solution.transport_rate for solution in alone]
     assert [row.transport_rate for row in table.solutions] == pytest.approx(rates, rel=1e-8)
+
+
+def test_sweep_over_drives_of_all_kinds_gives_the_answers_of_single_solves():
+    """Layouts change from drive to drive, and come back; what is kept for one of them must not reach another."""
+    names = ["two-equal", "two-fast", "two-equal", "serpentine", "open-S", "chapter-surface", "two-fast", "serpentine"]
+    table = sweep([drive(name) for name in names], rtol=1e-9)
+    assert table.success
+    for name, solution in zip(names, table.solutions, strict=True):
+        assert max(map(abs, differences(name, solution).values())) < 1e-8, name
 
 
 def test_answers_do_not_depend_on_the_number_of_elements():

@@ -10,6 +10,7 @@ FIGURES = {
     "demo_one_pulley": ("contact_forces.png", "strains.png", "deformed_belt.png"),
     "demo_omega_range": ("omega_range.png",),
     "demo_characteristic": ("characteristic.png",),
+    "demo_characteristic_drive": ("characteristic_drive.png",),
     "demo_two_pulleys": ("two_pulleys.png",),
 }
 
