@@ -187,7 +187,8 @@ def layout_of(scene: Scene, initial: Solution) -> Layout | None:
     it is met is seen afterwards.
     """
     contact = [Part(zone.kind, zone.slip, zone.pulley) for zone in initial.zones if zone.pulley is not None]
-    if initial.fields is None or {part.pulley for part in contact} != {*range(len(scene.pulleys))}:
+    same = initial.scene.closed == scene.closed and {part.pulley for part in contact} == {*range(len(scene.pulleys))}
+    if initial.fields is None or not same:
         return None
     layout = ordered(scene, contact)
     if not scene.is_published:

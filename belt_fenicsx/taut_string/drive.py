@@ -446,7 +446,7 @@ class _Drawing:
             rows = [(Part("slip", drive.slip or "forward", index), arc.wrap)]
         elif through and angle >= arc.wrap * (1.0 - NOTHING):
             rows = [(Part("slip", sense, index), arc.wrap)]
-        elif angle <= NOTHING * arc.wrap and drive.kind != "omega":
+        elif angle <= NOTHING * arc.wrap and drive.kind not in ("omega", "none"):
             rows = [(Part("stick", pulley=index), arc.wrap)]
         else:
             rows = [(Part("stick", pulley=index), arc.wrap - angle), (Part("slip", sense, index), angle)]
