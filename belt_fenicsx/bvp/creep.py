@@ -17,7 +17,7 @@ import numpy as np
 from belt_fenicsx.bvp.equations import Creeping, OnPulleys
 from belt_fenicsx.bvp.newton import NEWTON, Discrete, Work
 from belt_fenicsx.bvp.problem import LAST, Condition, End, Problem, places
-from belt_fenicsx.bvp.state import FRICTION, pose, take_up_conditions
+from belt_fenicsx.bvp.state import FRICTION, STRAIN, pose, take_up_conditions
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part, sliding
 from belt_fenicsx.layout.layout import Layout
@@ -25,9 +25,10 @@ from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.scene import Scene
 
 SURFACE = 5  # Index of the strain that goes with the surface of a pulley.
-WIDEST, NARROWEST, NARROWER = 1.0, 0.02, 0.25  # Widths over mu times the strain; the ratio of two of them.
+WIDEST, NARROWEST, NARROWER = 1.0, 0.002, 0.25  # Widths over mu times the strain; the ratio of two of them.
+VISCOUS = 0.02  # Part of mu p that friction grows by in usual sliding.
 LEAST_RATIO = 0.8  # Widths fall by no less than this.
-CELLS = 24  # Of each part: a narrow width makes a stiff equation.
+CELLS = 32  # Of each part: a narrow width makes a stiff equation.
 SLIDES = 0.95  # Friction of this part of mu p is that of sliding.
 PIECES = 4  # Of each cell, for places of joints.
 LEAST, SHORT = 1e-3, 0.02  # A part is at least as long, in parts of its contact; so is one that has to be there.
@@ -40,11 +41,13 @@ def creep_problem(scene: Scene, tension: float, winding: float, width: float) ->
     problem = pose(scene, layout, tension, winding, conditions=tuple(_conditions(scene, layout)))
     equations, friction = problem.contacts.equations, np.array([[pulley.friction] for pulley in scene.pulleys])
     assert isinstance(equations, OnPulleys)
-    smallest = tension / scene.belt.extensional_stiffness
+    # About what the stretch changes by in sliding.
+    unit = tension / scene.belt.extensional_stiffness * np.minimum(friction, 1.0)
     creeping = Creeping(
         **{name: getattr(equations, name) for name in ("radius", "center", "turn", "slope", "slides")},
         friction=friction,
-        width=width * smallest * np.minimum(friction, 1.0),
+        width=width * unit,
+        viscosity=VISCOUS / unit,
     )
     units = np.append(problem.contacts.units, problem.contacts.units[3])
     return replace(problem, contacts=replace(problem.contacts, equations=creeping, units=units))
@@ -103,10 +106,13 @@ def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> t
 
 def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part], Array]:
     """Parts on the pulleys that a state with creep shows, and the ends of all parts of the belt."""
-    xi, equations = np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
+    mesh, xi, equations = discrete.mesh, np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
     assert isinstance(equations, Creeping)
-    y = problem.contacts.unscaled(discrete.between(1, np.tile(xi, (problem.contacts.parts.size, 1))))
-    inside, ends, grips = places(discrete.widths, xi), discrete.ends, equations.grip(y)
+    y = problem.contacts.unscaled(discrete.values.z[1])
+    # Means of neighbouring nodes: a stiff equation makes the nodes alternate about what they should be.
+    ahead, middles = (((v[..., 1:] + v[..., :-1]) / 2.0) for v in (y[STRAIN] - y[SURFACE], mesh))
+    grips = equations.grip(np.array([np.interp(xi, middles, own) for own in ahead]))
+    inside, ends = places(discrete.widths, xi), discrete.ends
     parts: list[Part] = []
     found = [] if problem.clamps is None else [ends[:1]]
     driven = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"]
