@@ -108,19 +108,24 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
     """Parts on the pulleys that a state with creep shows, and the ends of all parts of the belt."""
     mesh, xi, equations = discrete.mesh, np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
     assert isinstance(equations, Creeping)
-    y = problem.contacts.unscaled(discrete.values.z[1])
     # Means of neighbouring nodes: a stiff equation makes the nodes alternate about what they should be.
-    ahead, middles = (((v[..., 1:] + v[..., :-1]) / 2.0) for v in (y[STRAIN] - y[SURFACE], mesh))
-    grips = equations.grip(np.array([np.interp(xi, middles, own) for own in ahead]))
+    z, middles = (((v[..., 1:] + v[..., :-1]) / 2.0) for v in (discrete.values.z[1], mesh))
+    y, rod, c = problem.contacts.unscaled(z), problem.rod, np.asarray(discrete.values.c)
+    bounds = equations.friction * equations.pressure(rod, y, c)
+    ahead, spare = (
+        np.array([np.interp(xi, middles, own) for own in values])
+        for values in (y[STRAIN] - y[SURFACE], bounds - np.abs(equations.keeping(rod, y[:SURFACE], c)))
+    )
+    grips, holds = equations.grip(ahead), spare > 0.0
     inside, ends = places(discrete.widths, xi), discrete.ends
     parts: list[Part] = []
     found = [] if problem.clamps is None else [ends[:1]]
     driven = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"]
     anchor = driven[0] if scene.transport_rate is None else None
-    for grip, index in zip(grips, problem.contacts.parts.tolist(), strict=True):
+    for grip, hold, index in zip(grips, holds, problem.contacts.parts.tolist(), strict=True):
         pulley = problem.parts[index].pulley
         smooth, gives = scene.pulleys[pulley].friction == 0.0, pulley == anchor
-        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, inside[index])
+        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, hold, inside[index])
         if gives and 0.0 not in kinds:
             # What gives the transport rate sticks somewhere, and slides behind.
             kinds, borders = [0.0, *kinds], [0.0, SHORT * borders[1], *borders[1:]]
@@ -132,15 +137,24 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
     return parts, np.concatenate([*found, ends[-1:]])
 
 
-def _divided(grip: Array, places: Array) -> tuple[list[float], list[float]]:
+def _divided(grip: Array, holds: Array, places: Array) -> tuple[list[float], list[float]]:
     """Senses of sliding one after another, zero for stick, and the ends of these parts in [0, 1].
 
     The belt sticks in the longest of the places with less friction than that of sliding. Elsewhere sliding turns there.
+    Behind stick, it does so only where friction no longer holds the stretch: before, a stiff equation makes the belt seem
+    to slide to and fro, and it sticks.
     """
     senses = np.where(np.abs(grip) > SLIDES, np.sign(grip), 0.0)
     runs = [list(group) for _, group in itertools.groupby(range(senses.size), key=lambda i: senses[i])]
     sticks = [run for run in runs if senses[run[0]] == 0.0]
     longest = max(sticks, key=lambda run: places[run[-1]] - places[run[0]], default=[])
+    if longest:
+        sliding_runs = [run for run in runs if run[0] > longest[-1] and senses[run[0]] != 0.0]
+        for run, following in itertools.pairwise(sliding_runs):
+            if senses[run[0]] == senses[following[0]] or not holds[run[-1]]:
+                break
+            longest = [*range(longest[0], run[-1] + 1)]
+        senses[longest] = 0.0
     turning = np.abs(senses) + np.isin(np.arange(senses.size), longest) == 0.0
     senses[turning] = np.sign(grip[turning])
     changes = np.flatnonzero(np.diff(senses)) + 1

@@ -272,9 +272,13 @@ class Creeping(OnPulleys):
     def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
         """Pressure p and friction f ``(...)`` each."""
         slope = self.friction * self.grip(y[3] - y[5])
-        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, slope)
-        p = (kept + stretch_rate * gained)[5]
+        p = self.pressure(rod, y, c)
         return p, -slope * p
+
+    def pressure(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Pressure ``(...)``."""
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y[3] - y[5]))
+        return (kept + stretch_rate * gained)[5]
 
     def joined(self, rod: Rod, y: Array, c: Array) -> Array:
         """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""
