@@ -28,7 +28,7 @@ SURFACE = 5  # Index of the strain that goes with the surface of a pulley.
 WIDEST, NARROWEST, NARROWER = 1.0, 0.002, 0.25  # Widths over mu times the strain; the ratio of two of them.
 VISCOUS = 0.02  # Part of mu p that friction grows by in usual sliding.
 LEAST_RATIO = 0.8  # Widths fall by no less than this.
-CELLS = 32  # Of each part: a narrow width makes a stiff equation.
+CELLS = 32  # Of each part, at least: a narrow width makes a stiff equation.
 SLIDES = 0.95  # Friction of this part of mu p is that of sliding.
 PIECES = 4  # Of each cell, for places of joints.
 LEAST, SHORT = 1e-3, 0.02  # A part is at least as long, in parts of its contact; so is one that has to be there.
@@ -126,7 +126,7 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
         pulley = problem.parts[index].pulley
         smooth, gives = scene.pulleys[pulley].friction == 0.0, pulley == anchor
         kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, hold, inside[index])
-        if gives and 0.0 not in kinds:
+        if gives and len(kinds) == 1 and kinds[0] != 0.0:
             # What gives the transport rate sticks somewhere, and slides behind.
             kinds, borders = [0.0, *kinds], [0.0, SHORT * borders[1], *borders[1:]]
         elif gives and kinds[-1] == 0.0:
@@ -140,13 +140,13 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
 def _divided(grip: Array, holds: Array, places: Array) -> tuple[list[float], list[float]]:
     """Senses of sliding one after another, zero for stick, and the ends of these parts in [0, 1].
 
-    The belt sticks in the longest of the places with less friction than that of sliding. Elsewhere sliding turns there.
-    Behind stick, it does so only where friction no longer holds the stretch: before, a stiff equation makes the belt seem
-    to slide to and fro, and it sticks.
+    The belt sticks in the longest of the places with less friction than that of sliding, if friction holds the stretch
+    there. Elsewhere sliding turns. Behind stick, it does so only where friction no longer holds the stretch: before, a
+    stiff equation makes the belt seem to slide to and fro, and it sticks.
     """
     senses = np.where(np.abs(grip) > SLIDES, np.sign(grip), 0.0)
     runs = [list(group) for _, group in itertools.groupby(range(senses.size), key=lambda i: senses[i])]
-    sticks = [run for run in runs if senses[run[0]] == 0.0]
+    sticks = [run for run in runs if senses[run[0]] == 0.0 and holds[run].any()]
     longest = max(sticks, key=lambda run: places[run[-1]] - places[run[0]], default=[])
     if longest:
         sliding_runs = [run for run in runs if run[0] > longest[-1] and senses[run[0]] != 0.0]

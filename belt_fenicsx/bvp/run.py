@@ -238,7 +238,7 @@ class Run:
             return None
         before = self.work.iterations
         make = functools.partial(creep_problem, self.scene, self.tension, self.winding)
-        start = from_drive(make(WIDEST), undivided(self.drive), CELLS)
+        start = from_drive(make(WIDEST), undivided(self.drive), max(CELLS, 2 * self.cells))
         narrow = narrowed(make, start, self.work)
         self.stages.ran("creep", "the string did not lead to a plausible state", self.work.iterations - before)
         if narrow is None:
