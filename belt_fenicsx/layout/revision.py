@@ -136,7 +136,14 @@ def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerance
         tolerances: How far it is trusted.
     """
     contacts = [_Contact(scene, layout, samples, tolerances, index) for index in range(len(scene.pulleys))]
-    changes = [contact.change() for contact in contacts]
+    changes: list[_Change | None] = []
+    slipped = False
+    for contact in contacts:
+        change = contact.change()
+        # What begins to slide all along one pulley unloads others: they do not do so at the same time.
+        slips = change is not None and change.ends is not None and contact.sticks and not _stick(change.parts)
+        changes.append(None if slips and slipped else change)
+        slipped |= slips
     why = ", ".join(dict.fromkeys(change.why for change in changes if change))
     if not why:
         return None
@@ -144,7 +151,7 @@ def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerance
         return Revision(why)
     own = [change or contact for change, contact in zip(changes, contacts, strict=True)]
     ends = [each.ends for each in own]
-    first = [] if scene.closed else samples.ends[:1]
+    first = samples.ends[: 0 if scene.closed else 1]
     revised = ordered(scene, [part for each in own for part in each.parts])
     return Revision(why, revised, np.concatenate([first, *ends, samples.ends[-1:]]))
 
@@ -182,6 +189,10 @@ class _Contact:
     @functools.cached_property
     def ends(self) -> list[float]:
         return self.samples.ends[self.on[0] : self.on[-1] + 2].tolist()
+
+    @property
+    def sticks(self) -> bool:
+        return self.layout.sticks(self.index)
 
     @property
     def pulley(self) -> Pulley:
@@ -315,6 +326,11 @@ class _Contact:
         why = "sliding turns where friction could keep the stretch"
         stick = Part("stick", pulley=self.index)
         return self.revised(why, [*parts[: i + 1], stick, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
+
+
+def _stick(parts: Sequence[Part]) -> bool:
+    """Whether the belt sticks on any of some parts."""
+    return any(part.kind == "stick" for part in parts)
 
 
 def _crossing(sigma: Array, values: Array, i: int) -> float:
