@@ -87,21 +87,21 @@ def _driven(scene: Scene, index: int, giving: int | None) -> Callable[[Sequence[
     return missed
 
 
-def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> tuple[Problem, Discrete] | None:
-    """The state with the narrowest width; None where Newton's iteration does not converge for the widest."""
-    width, ratio, last = WIDEST, NARROWER, None
+def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> list[tuple[Problem, Discrete]]:
+    """States with narrower and narrower widths; none where Newton's iteration does not converge for the widest."""
+    width, ratio, states = WIDEST, NARROWER, list[tuple[Problem, Discrete]]()
     while width >= NARROWEST:
         problem = make(width)
-        near = start if last is None else last[1]
+        near = states[-1][1] if states else start
         found = work.newton(problem, near, NEWTON, "creep")
         if found.converged:
-            last = (problem, found)
-        elif last is None or ratio > LEAST_RATIO:
+            states.append((problem, found))
+        elif not states or ratio > LEAST_RATIO:
             break
         else:
             width, ratio = width / ratio, math.sqrt(ratio)
         width *= ratio
-    return last
+    return states
 
 
 def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part], Array]:
