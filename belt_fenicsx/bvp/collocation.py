@@ -64,17 +64,17 @@ def inner(z: Array, K: Array) -> Array:
     return z[..., :-1, None] + K @ INSIDE.T
 
 
-def linearised_cells(F: Array, by_z: Array, by_c: Array | None, lengths: Array, g: Array) -> Cells:
-    """Cells from rates at their Gauss points.
+def linearised_cells(by_length: Array, by_z: Array, by_c: Array | None, lengths: Array, g: Array) -> Cells:
+    """Cells from what is linearised at their Gauss points.
 
     Args:
-        F: Rates ``(n, parts, cells, s)``.
-        by_z: Their derivatives ``(n, n, parts, cells, s)``.
+        by_length: Derivatives of the increments with respect to the part's length ``(n, parts, cells, s)``.
+        by_z: Derivatives of the rates ``(n, n, parts, cells, s)``.
         by_c: Those with respect to the transport rate ``(n, parts, cells, s)``, if it is unknown.
         lengths: Lengths of the parts ``(parts,)``.
         g: Lengths of the cells at the points, in parts of the part ``(parts, cells, s)``.
     """
-    n, parts, cells, s = F.shape
+    n, parts, cells, s = by_length.shape
     scale = lengths[:, None, None] * g
     J = np.moveaxis(by_z * scale, (0, 1), (-2, -1))  # (parts, cells, s, n, n)
     matrix = -np.einsum("pcjil,jk->pcjikl", J, INSIDE).reshape(parts, cells, s * n, s * n)
@@ -86,7 +86,7 @@ def linearised_cells(F: Array, by_z: Array, by_c: Array | None, lengths: Array, 
 
     by_start = inverse @ J.reshape(parts, cells, s * n, n)
     by_rate = np.zeros((parts, cells, s * n)) if by_c is None else solved(by_c * scale)
-    return Cells(inverse, by_start, solved(F * g), by_rate)
+    return Cells(inverse, by_start, solved(by_length), by_rate)
 
 
 def stacked(values: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from belt_fenicsx.bvp.equations import Creeping, OnPulleys
 from belt_fenicsx.bvp.newton import NEWTON, Discrete, Work
 from belt_fenicsx.bvp.problem import LAST, Condition, End, Problem, places
-from belt_fenicsx.bvp.state import FRICTION, pose, take_up_conditions
+from belt_fenicsx.bvp.state import FRICTION, STRAIN, pose, take_up_conditions
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.kind import Part, sliding
 from belt_fenicsx.layout.layout import Layout
@@ -25,9 +25,10 @@ from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.scene import Scene
 
 SURFACE = 5  # Index of the strain that goes with the surface of a pulley.
-WIDEST, NARROWEST, NARROWER = 1.0, 0.02, 0.25  # Widths over mu times the strain; the ratio of two of them.
+WIDEST, NARROWEST, NARROWER = 1.0, 0.002, 0.25  # Widths over mu times the strain; the ratio of two of them.
+VISCOUS = 0.02  # Part of mu p that friction grows by in usual sliding.
 LEAST_RATIO = 0.8  # Widths fall by no less than this.
-CELLS = 24  # Of each part: a narrow width makes a stiff equation.
+CELLS = 32  # Of each part, at least: a narrow width makes a stiff equation.
 SLIDES = 0.95  # Friction of this part of mu p is that of sliding.
 PIECES = 4  # Of each cell, for places of joints.
 LEAST, SHORT = 1e-3, 0.02  # A part is at least as long, in parts of its contact; so is one that has to be there.
@@ -40,11 +41,13 @@ def creep_problem(scene: Scene, tension: float, winding: float, width: float) ->
     problem = pose(scene, layout, tension, winding, conditions=tuple(_conditions(scene, layout)))
     equations, friction = problem.contacts.equations, np.array([[pulley.friction] for pulley in scene.pulleys])
     assert isinstance(equations, OnPulleys)
-    smallest = tension / scene.belt.extensional_stiffness
+    # About what the stretch changes by in sliding.
+    unit = tension / scene.belt.extensional_stiffness * np.minimum(friction, 1.0)
     creeping = Creeping(
         **{name: getattr(equations, name) for name in ("radius", "center", "turn", "slope", "slides")},
         friction=friction,
-        width=width * smallest * np.minimum(friction, 1.0),
+        width=width * unit,
+        viscosity=VISCOUS / unit,
     )
     units = np.append(problem.contacts.units, problem.contacts.units[3])
     return replace(problem, contacts=replace(problem.contacts, equations=creeping, units=units))
@@ -84,38 +87,46 @@ def _driven(scene: Scene, index: int, giving: int | None) -> Callable[[Sequence[
     return missed
 
 
-def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> tuple[Problem, Discrete] | None:
-    """The state with the narrowest width; None where Newton's iteration does not converge for the widest."""
-    width, ratio, last = WIDEST, NARROWER, None
+def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> list[tuple[Problem, Discrete]]:
+    """States with narrower and narrower widths; none where Newton's iteration does not converge for the widest."""
+    width, ratio, states = WIDEST, NARROWER, list[tuple[Problem, Discrete]]()
     while width >= NARROWEST:
         problem = make(width)
-        near = start if last is None else last[1]
+        near = states[-1][1] if states else start
         found = work.newton(problem, near, NEWTON, "creep")
         if found.converged:
-            last = (problem, found)
-        elif last is None or ratio > LEAST_RATIO:
+            states.append((problem, found))
+        elif not states or ratio > LEAST_RATIO:
             break
         else:
             width, ratio = width / ratio, math.sqrt(ratio)
         width *= ratio
-    return last
+    return states
 
 
 def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part], Array]:
     """Parts on the pulleys that a state with creep shows, and the ends of all parts of the belt."""
-    xi, equations = np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
+    mesh, xi, equations = discrete.mesh, np.linspace(0.0, 1.0, PIECES * discrete.cells + 1), problem.contacts.equations
     assert isinstance(equations, Creeping)
-    y = problem.contacts.unscaled(discrete.between(1, np.tile(xi, (problem.contacts.parts.size, 1))))
-    inside, ends, grips = places(discrete.widths, xi), discrete.ends, equations.grip(y)
+    # Means of neighbouring nodes: a stiff equation makes the nodes alternate about what they should be.
+    z, middles = (((v[..., 1:] + v[..., :-1]) / 2.0) for v in (discrete.values.z[1], mesh))
+    y, rod, c = problem.contacts.unscaled(z), problem.rod, np.asarray(discrete.values.c)
+    bounds = equations.friction * equations.pressure(rod, y, c)
+    ahead, spare = (
+        np.array([np.interp(xi, middles, own) for own in values])
+        for values in (y[STRAIN] - y[SURFACE], bounds - np.abs(equations.keeping(rod, y[:SURFACE], c)))
+    )
+    grips, holds = equations.grip(ahead), spare > 0.0
+    inside, ends = places(discrete.widths, xi), discrete.ends
     parts: list[Part] = []
     found = [] if problem.clamps is None else [ends[:1]]
     driven = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"]
     anchor = driven[0] if scene.transport_rate is None else None
-    for grip, index in zip(grips, problem.contacts.parts.tolist(), strict=True):
+    for grip, hold, index in zip(grips, holds, problem.contacts.parts.tolist(), strict=True):
         pulley = problem.parts[index].pulley
         smooth, gives = scene.pulleys[pulley].friction == 0.0, pulley == anchor
-        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, inside[index])
-        if gives and 0.0 not in kinds:
+        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, hold, inside[index])
+        if gives and len(kinds) == 1 and kinds[0] != 0.0:
             # What gives the transport rate sticks somewhere, and slides behind.
             kinds, borders = [0.0, *kinds], [0.0, SHORT * borders[1], *borders[1:]]
         elif gives and kinds[-1] == 0.0:
@@ -126,15 +137,24 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
     return parts, np.concatenate([*found, ends[-1:]])
 
 
-def _divided(grip: Array, places: Array) -> tuple[list[float], list[float]]:
+def _divided(grip: Array, holds: Array, places: Array) -> tuple[list[float], list[float]]:
     """Senses of sliding one after another, zero for stick, and the ends of these parts in [0, 1].
 
-    The belt sticks in the longest of the places with less friction than that of sliding. Elsewhere sliding turns there.
+    The belt sticks in the longest of the places with less friction than that of sliding, if friction holds the stretch
+    there. Elsewhere sliding turns. Behind stick, it does so only where friction no longer holds the stretch: before, a
+    stiff equation makes the belt seem to slide to and fro, and it sticks.
     """
     senses = np.where(np.abs(grip) > SLIDES, np.sign(grip), 0.0)
     runs = [list(group) for _, group in itertools.groupby(range(senses.size), key=lambda i: senses[i])]
-    sticks = [run for run in runs if senses[run[0]] == 0.0]
+    sticks = [run for run in runs if senses[run[0]] == 0.0 and holds[run].any()]
     longest = max(sticks, key=lambda run: places[run[-1]] - places[run[0]], default=[])
+    if longest:
+        sliding_runs = [run for run in runs if run[0] > longest[-1] and senses[run[0]] != 0.0]
+        for run, following in itertools.pairwise(sliding_runs):
+            if senses[run[0]] == senses[following[0]] or not holds[run[-1]]:
+                break
+            longest = [*range(longest[0], run[-1] + 1)]
+        senses[longest] = 0.0
     turning = np.abs(senses) + np.isin(np.arange(senses.size), longest) == 0.0
     senses[turning] = np.sign(grip[turning])
     changes = np.flatnonzero(np.diff(senses)) + 1

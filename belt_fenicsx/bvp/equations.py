@@ -241,37 +241,44 @@ class OnPulleys:
 
 @dataclass(frozen=True)
 class Creeping(OnPulleys):
-    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p tanh((D - S) / width).
+    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p grip,
+    grip = tanh((D - S) / width) + viscosity (D - S).
 
     S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction
     is nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told
-    before.
+    before. With a viscosity, each torque has its speed.
 
     Attributes:
         friction: mu ``(parts, 1)``.
         width: Difference of stretches at which friction is large ``(parts, 1)``.
+        viscosity: What friction grows by where it is large ``(parts, 1)``.
     """
 
     friction: Array
     width: Array
+    viscosity: Array
 
     size = 6
 
-    def grip(self, y: Array) -> Array:
-        """Part of mu p that friction is, positive where the belt slides forward ``(...)``."""
-        return np.tanh((y[3] - y[5]) / self.width)
+    def grip(self, ahead: Array) -> Array:
+        """Part of mu p that friction is where the belt is ``ahead`` of the pulley, D - S ``(...)``."""
+        return np.tanh(ahead / self.width) + self.viscosity * ahead
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         """Derivatives of the unknowns ``(6, ...)``."""
-        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y))
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y[3] - y[5]))
         return np.concatenate([(kept + stretch_rate * gained)[:5], np.zeros_like(y[:1])])
 
     def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
         """Pressure p and friction f ``(...)`` each."""
-        slope = self.friction * self.grip(y)
-        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, slope)
-        p = (kept + stretch_rate * gained)[5]
+        slope = self.friction * self.grip(y[3] - y[5])
+        p = self.pressure(rod, y, c)
         return p, -slope * p
+
+    def pressure(self, rod: Rod, y: Array, c: Array) -> Array:
+        """Pressure ``(...)``."""
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y[3] - y[5]))
+        return (kept + stretch_rate * gained)[5]
 
     def joined(self, rod: Rod, y: Array, c: Array) -> Array:
         """What is continuous along the belt: x, y, theta, kappa, X, Y ``(6, ...)``."""

@@ -194,7 +194,7 @@ def newton(
         if not math.isfinite(size):
             return replace(start, values=values, iterations=iterations)
         while True:
-            trial = values.plus(step, part, positive=positive)
+            trial = system.after(values, step, part, positive=positive)
             residual = system.residual(trial)
             further = system.step(linear, residual)
             if further.size <= (1.0 - LESS * part) * size or part <= SMALLEST_STEP:
@@ -202,7 +202,7 @@ def newton(
             part /= 2.0
         values, before, missed = trial, missed, further.largest
         if missed <= tolerance or (missed <= NEWTON and missed > SLOW * min(before, step.largest)):
-            values = values.plus(further, 1.0, positive=positive)
+            values = system.after(values, further, 1.0, positive=positive)
             break
     return replace(start, values=values, missed=missed, iterations=iterations)
 

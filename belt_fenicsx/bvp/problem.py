@@ -100,6 +100,7 @@ class Problem:
         clamps: Places and angles of both clamps; None in a loop.
         joinings: One for each two parts that meet.
         conditions: The equations for all but one of the unknown scalars, of which the belt's length is the last.
+        returning: Parts that end with the stretch with which they begin, which a part of no length does, too.
         take_ups: Pulleys that move.
         rate: The transport rate; None where it is an unknown. Without inertia nothing here depends on it.
         giving: The pulley whose surface speed gives the transport rate afterwards, and that speed; None elsewhere.
@@ -113,6 +114,7 @@ class Problem:
     clamps: tuple[tuple[float, float, float], tuple[float, float, float]] | None
     joinings: tuple[Joining, ...]
     conditions: tuple[Condition, ...]
+    returning: tuple[int, ...]
     take_ups: tuple[TakeUp, ...]
     rate: float | None
     giving: tuple[int, float] | None

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -44,6 +45,7 @@ CONTINUATIONS = (
     ("a", (0.1, 0.3, 1.0)),
     ("a", (10.0, 3.0, 1.0)),
 )
+LAST_WIDTHS = 3  # Zones of so many widths of creep are tried, the narrowest first.
 SHORTEST = 1e-6  # At least this part of the contact sticks, or slides, in a first guess.
 FINE, FINELY = 32, 1e-10  # Cells, and the end of Newton's iteration, for the comparison with a limit.
 FIELD, FINEST_FIELD = 1e4, 1e-8  # A field may have this error, over that of omega, and at least.
@@ -162,7 +164,8 @@ class Run:
             return None
         if self.end is not None:
             # What the first mesh left in doubt shows here; but not in a state without a mechanical sense.
-            calm = plausible(state.problem, state.layout, state.discrete, DOUBT) and meets(self, state)
+            doubt = DOUBT if self.scene.is_published else math.inf
+            calm = plausible(state.problem, state.layout, state.discrete, doubt) and meets(self, state)
             return Tolerances(shrunk=NOTHING, bound=BROKEN, sense=BROKEN) if calm else None
         doubt = state.discrete.doubt * float(state.discrete.values.lengths[state.problem.contacts.parts].sum())
         return Tolerances(shrunk=-doubt, bound=BROKEN, sense=SLACK)
@@ -224,37 +227,39 @@ class Run:
         # What the string leads to on the coarsest mesh is no answer where another one is tried.
         if self.cells == COARSE and (state := settle_from(self, first, "string", "its rows and fields")) is not None:
             return state
-        if (crept := self._crept()) is not None:
+        for crept in self._crept():
             if (state := settle_from(self, crept, "creep", f"its rows, {crept.layout}")) is not None:
                 return state
         if (state := settle_from(self, first, "string", "its rows and fields")) is not None:
             return state
         raise Stopped(Status.NEWTON_DIVERGED, "Neither the string nor a belt that creeps leads to a plausible state.")
 
-    def _crept(self) -> State | None:
-        """A first guess from friction that grows with the speed of sliding; None where there is none."""
+    def _crept(self) -> Iterator[State]:
+        """First guesses from friction that grows with the speed of sliding.
+
+        The narrower its width is, the closer are its zones, but the stiffer its equation: the last ones follow.
+        """
         if any(pulley.drive.is_place for pulley in self.scene.pulleys):
-            return None
+            return
         before = self.work.iterations
         make = functools.partial(creep_problem, self.scene, self.tension, self.winding)
-        start = from_drive(make(WIDEST), undivided(self.drive), CELLS)
-        narrow = narrowed(make, start, self.work)
+        start = from_drive(make(WIDEST), undivided(self.drive), max(CELLS, 2 * self.cells))
+        states = narrowed(make, start, self.work)
         self.stages.ran("creep", "the string did not lead to a plausible state", self.work.iterations - before)
-        if narrow is None:
-            return None
-        lengths = narrow[1].values.lengths[narrow[0].contacts.parts]
-        if np.any(lengths <= 0.0):
-            index = int(np.argmin(lengths))
-            raise Stopped(
-                Status.CONTACT_LOST,
-                f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the wrap "
-                "before it touches. Let the pulley reach further in, or stretch the belt more.",
-                final=True,
-            )
-        parts, ends = zones(self.scene, *narrow)
-        layout = ordered(self.scene, parts)
-        problem = self.pose(layout)
-        return State(layout, problem, divided(*narrow, problem, ends))
+        for creep, found in states[: -LAST_WIDTHS - 1 : -1]:
+            lengths = found.values.lengths[creep.contacts.parts]
+            if np.any(lengths <= 0.0):
+                index = int(np.argmin(lengths))
+                raise Stopped(
+                    Status.CONTACT_LOST,
+                    f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the "
+                    "wrap before it touches. Let the pulley reach further in, or stretch the belt more.",
+                    final=True,
+                )
+            parts, ends = zones(self.scene, creep, found)
+            layout = ordered(self.scene, parts)
+            problem = self.pose(layout)
+            yield State(layout, problem, divided(creep, found, problem, ends))
 
     def _continued(self, layout: Layout) -> State:
         """A state on the coarse mesh, from the taut string along belts of other stiffness.

@@ -72,6 +72,7 @@ def pose(
         clamps=None if layout.closed else scene.ends,
         joinings=tuple(joinings),
         conditions=tuple(_conditions(scene, layout, rod)) if conditions is None else conditions,
+        returning=() if conditions is not None else _returning(layout),
         take_ups=tuple(
             TakeUp(_unit(pulley.take_up), tuple(layout.on(index)))
             for index, pulley in enumerate(scene.pulleys)
@@ -133,7 +134,8 @@ def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
                 end = (i, LAST) if before.kind == "stick" else (i + 1, FIRST)
                 yield Condition((end,), functools.partial(_onset, rod, np.array([[sense * pulley.friction]])))
             elif i != transition:
-                yield Condition(((i, LAST), (transition, LAST)), _stretch_differs)
+                differs = _stretch_rate if i in _returning(layout) else _stretch_differs
+                yield Condition(((i, LAST), (transition, LAST)), differs)
             elif index != giving and joint.equation != "loop":
                 yield _drive(scene, layout, index, giving)
         yield from take_up_conditions(scene, layout, index)
@@ -155,6 +157,21 @@ def _onset(rod: Rod, slope: Array, ends: Sequence[End], c: Array) -> Array:
 
 def _stretch_differs(ends: Sequence[End], c: Array) -> Array:
     return ends[0].y[STRAIN] - ends[1].y[STRAIN]
+
+
+def _stretch_rate(ends: Sequence[End], c: Array) -> Array:
+    """The same of a part that begins with this stretch: without the root that is a part of no length."""
+    return _stretch_differs(ends, c) / ends[0].length
+
+
+def _returning(layout: Layout) -> tuple[int, ...]:
+    """Slip parts that begin and end with the stretch in stick."""
+    return tuple(
+        i
+        for index in layout.pulleys
+        for i in layout.on(index)
+        if i > layout.transition(index) and layout.parts[i].kind == "slip" and layout.joints[i].equation == "stretch"
+    )
 
 
 def _pushed(rod: Rod, direction: tuple[float, float], force: float, ends: Sequence[End], c: Array) -> Array:

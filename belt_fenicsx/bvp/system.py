@@ -31,7 +31,7 @@ from belt_fenicsx.bvp.problem import FIRST, LAST, Condition, End, Group, Joining
 from belt_fenicsx.layout.arrays import Array
 
 SAME_ALONG = (0, 1, 2, 3)  # phi, psi, kappa and D, of two parts on one pulley.
-FRICTION = 4  # Index of the integral of friction.
+STRAIN, FRICTION = 3, 4  # Indices of the strain, and of the integral of friction.
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,25 @@ class System:
         boundary, _, _, _ = self._boundary(values, derivatives=False)
         return Residual((increments[0], increments[1]), np.concatenate([*rows, boundary]))
 
+    def after(self, values: Values, step: Values, part: float, *, positive: bool) -> Values:
+        """Values after a part of a step.
+
+        In a part that ends with the stretch with which it begins, what is added to this stretch goes with the length:
+        its rate is what a step changes. So lengths may change their sign, and none of them ends at nothing.
+        """
+        moved = values.plus(step, part, positive=positive)
+        for returning in self.problem.returning:
+            _, at = self.problem.place[returning]
+            own = STRAIN, at
+            grows = step.lengths[returning] / values.lengths[returning]
+            factor = moved.lengths[returning] / values.lengths[returning]
+            z, dz = values.z[1][own], step.z[1][own]
+            added = z - z[0] + part * (dz - dz[0] - grows * (z - z[0]))
+            moved.z[1][own] = z[0] + part * dz[0] + factor * added
+            K, dK = values.K[1][own], step.K[1][own]
+            moved.K[1][own] = factor * (K + part * (dK - grows * K))
+        return moved
+
     def linearised(self, values: Values) -> Linear:
         """The equations, linearised and factorised.
 
@@ -143,7 +162,12 @@ class System:
         row = 0
         for group, z, K, g in zip(self.problem.groups, values.z, values.K, self.g, strict=True):
             F, by_z, by_c = self._linearised_rates(group, inner(z, K), values)
-            cell = linearised_cells(F, by_z, by_c, values.lengths[group.parts], g)
+            by_length = g * F
+            if group is self.problem.contacts:
+                for part in self.problem.returning:
+                    _, at = self.problem.place[part]
+                    by_length[STRAIN, at] = K[STRAIN, at] / values.lengths[part]
+            cell = linearised_cells(by_length, by_z, by_c, values.lengths[group.parts], g)
             cells.append(cell)
             row = self._cell_rows(group, cell, row, blocks)
         _, rows, cols, entries = self._boundary(values, derivatives=True)

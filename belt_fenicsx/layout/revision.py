@@ -1,7 +1,7 @@
 """Which layout the tractions of a state call for: one rule for every method.
 
 A layout breaks where a part has shrunk to nothing, where friction in stick exceeds Coulomb's bound, or where the belt
-slides the other way. `revise` says what the first of these calls for, in the order of travel:
+slides the other way. `revise` says what the first of these on each pulley calls for:
 
 1. A part that has shrunk to nothing is left out; sliding behind stick turns round instead, if the drive lets it.
 2. Stick that holds nowhere gives way to sliding; stick that breaks the bound at the run-up has a slip part before it.
@@ -127,7 +127,7 @@ class Revision:
 
 
 def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerances) -> Revision | None:
-    """What the first broken bound of a state calls for; None where all hold.
+    """What the first broken bounds of a state on each pulley call for; None where all hold.
 
     Args:
         scene: The dimensionless scene.
@@ -135,13 +135,37 @@ def revise(scene: Scene, layout: Layout, samples: Samples, tolerances: Tolerance
         samples: Its samples.
         tolerances: How far it is trusted.
     """
-    for index, pulley in enumerate(scene.pulleys):
-        contact = _Contact(scene, layout, samples, tolerances, index)
-        if (shrunk := contact.shrunk()) is not None:
-            return shrunk
-        if pulley.friction > 0.0 and (found := contact.broken()) is not None:
-            return replace(contact, samples=samples.densest).broken() or found
-    return None
+    contacts = [_Contact(scene, layout, samples, tolerances, index) for index in range(len(scene.pulleys))]
+    changes: list[_Change | None] = []
+    slipped = False
+    for contact in contacts:
+        change = contact.change()
+        # What begins to slide all along one pulley unloads others: they do not do so at the same time.
+        slips = change is not None and change.ends is not None and contact.sticks and not _stick(change.parts)
+        changes.append(None if slips and slipped else change)
+        slipped |= slips
+    why = ", ".join(dict.fromkeys(change.why for change in changes if change))
+    if not why:
+        return None
+    if any(change and change.ends is None for change in changes):
+        return Revision(why)
+    own = [change or contact for change, contact in zip(changes, contacts, strict=True)]
+    ends = [each.ends for each in own]
+    first = samples.ends[: 0 if scene.closed else 1]
+    revised = ordered(scene, [part for each in own for part in each.parts])
+    return Revision(why, revised, np.concatenate([first, *ends, samples.ends[-1:]]))
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What is seen on one pulley, the parts there that it calls for, and their ends.
+
+    There are none where the drive asks for a transition at which stick cannot end.
+    """
+
+    why: str
+    parts: Sequence[Part] = ()
+    ends: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -167,6 +191,10 @@ class _Contact:
         return self.samples.ends[self.on[0] : self.on[-1] + 2].tolist()
 
     @property
+    def sticks(self) -> bool:
+        return self.layout.sticks(self.index)
+
+    @property
     def pulley(self) -> Pulley:
         return self.scene.pulleys[self.index]
 
@@ -187,23 +215,23 @@ class _Contact:
         assert sample is not None
         return sample
 
-    def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float] | Array) -> Revision:
-        """The layout with other parts on this pulley, of which equal neighbours are one."""
+    def change(self) -> _Change | None:
+        """What the first broken bound on this pulley calls for; None where all hold."""
+        if (shrunk := self.shrunk()) is not None or self.pulley.friction == 0.0 or (found := self.broken()) is None:
+            return shrunk
+        return replace(self, samples=self.samples.densest).broken() or found
+
+    def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float] | Array) -> _Change:
+        """Other parts on this pulley, of which equal neighbours are one."""
         kept = [i for i in range(len(parts)) if i == 0 or parts[i] != parts[i - 1]]
-        contact, before, after = [parts[i] for i in kept], self.on[0], self.on[-1] + 1
-        others = [
-            [part for part in some if part.touches] for some in (self.layout.parts[:before], self.layout.parts[after:])
-        ]
-        layout = ordered(self.scene, [*others[0], *contact, *others[1]])
-        own = [*(ends[i] for i in kept), ends[-1]] if contact else []
-        sigma = self.samples.ends
-        revised = Revision(why, layout, np.concatenate([sigma[:before], own, sigma[after + 1 :]]))
+        revised = _Change(why, [parts[i] for i in kept], [*(ends[i] for i in kept), ends[-1]] if kept else [])
         if not self.placed:
             return revised
-        there = layout.slides_behind(self.index) and layout.parts[layout.transition(self.index) + 1]
-        return revised if there and there.slip == self.pulley.slip else Revision(why)
+        left = next((i for i, part in enumerate(revised.parts) if part.kind == "stick"), 0)
+        there = revised.parts[left + 1 : left + 2]
+        return revised if there and there[0].slip == self.pulley.slip else _Change(why)
 
-    def shrunk(self) -> Revision | None:
+    def shrunk(self) -> _Change | None:
         """The layout without the shortest part, if that has shrunk to nothing."""
         parts, ends = self.parts, self.ends
         lengths = np.diff(ends)
@@ -216,7 +244,7 @@ class _Contact:
             return self.revised(why, [*parts[:-1], parts[-1].turned], [*ends[:-2], ends[-1] - length, ends[-1]])
         return self.revised(why, [*parts[:i], *parts[i + 1 :]], np.delete(ends, i + 1 if i < last else i))
 
-    def broken(self) -> Revision | None:
+    def broken(self) -> _Change | None:
         """What the first bound that friction or sliding breaks calls for."""
         for i, (part, (start, end)) in enumerate(zip(self.parts, pairwise(self.ends), strict=True)):
             looks = (self.held,) if part.kind == "stick" else (self.turned, self.stuck)
@@ -225,7 +253,7 @@ class _Contact:
                     return found
         return None
 
-    def held(self, i: int) -> Revision | None:
+    def held(self, i: int) -> _Change | None:
         """Sliding at the ends of a stick part where friction exceeds its bound; or in its place."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         bound = self.pulley.friction * at.p
@@ -245,7 +273,7 @@ class _Contact:
             return self.ended(i, max(place, ends[i + 1] - self.tolerances.furthest * length))
         return None
 
-    def ended(self, i: int, place: float) -> Revision | None:
+    def ended(self, i: int, place: float) -> _Change | None:
         """A stick part that ends at a place before its end; None where it ends at Coulomb's bound already."""
         parts, ends, why = self.parts, self.ends, "Coulomb's bound breaks where stick ends"
         behind = sliding(self.sample(i).f[-1], self.index)
@@ -255,9 +283,9 @@ class _Contact:
             return self.revised(why, [*parts[: i + 1], behind.turned, behind], turned)
         if self.transition is None:
             return self.revised(why, [*parts, behind], [*ends[:-1], place, ends[-1]])
-        return None if self.pulley.x_trans == RUN_OFF else Revision(why)
+        return None if self.pulley.x_trans == RUN_OFF else _Change(why)
 
-    def turned(self, i: int) -> Revision | None:
+    def turned(self, i: int) -> _Change | None:
         """Two slip parts in place of one in which the belt slides both ways; or one of the other sense."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         if self.transition is not None:
@@ -283,7 +311,7 @@ class _Contact:
         place = _crossing(at.sigma, ahead, crossing)
         return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
 
-    def stuck(self, i: int) -> Revision | None:
+    def stuck(self, i: int) -> _Change | None:
         """A stick part before the place where sliding turns, if friction could keep the stretch there."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         if i != self.transition or parts[i + 1].kind == "stick":
@@ -298,6 +326,11 @@ class _Contact:
         why = "sliding turns where friction could keep the stretch"
         stick = Part("stick", pulley=self.index)
         return self.revised(why, [*parts[: i + 1], stick, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
+
+
+def _stick(parts: Sequence[Part]) -> bool:
+    """Whether the belt sticks on any of some parts."""
+    return any(part.kind == "stick" for part in parts)
 
 
 def _crossing(sigma: Array, values: Array, i: int) -> float:

@@ -1,12 +1,10 @@
 """Answers for drives of several pulleys, or with loads, from the exact string.
 
 1. The string says where the belt sticks and slides: its rows are the first ones, and the method starts from it.
-2. Where that leads nowhere, more friction does, with which less of the belt slides: from there, friction falls to what
-   it is, step by step.
-3. A pulley with a given torque or speed, on which the string sticks all along, may need a short part that slides before
+2. A pulley with a given torque or speed, on which the string sticks all along, may need a short part that slides before
    its run-off: what is missing tells its sense and its length, R (mu p -+ f) d = missing torque.
-4. One on which it slides all along in one sense may meet a torque by sliding both ways.
-5. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there
+3. One on which it slides all along in one sense may meet a torque by sliding both ways.
+4. A pulley on which the belt slides all along, though its torque asks for more, has reached its capacity. Where there
    is no answer and the string slides along nearly all of a pulley, or more, the state at that limit says what is
    transmitted.
 """
@@ -15,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -33,7 +30,6 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import BeyondCapacity, string_drive
 
-MUCH, FALL, LEAST_FALL = 2.0, 0.5, 0.9  # Friction to start from; by which it falls in a step, at least and at most.
 NEARLY = 0.8  # The string slides along so much of a wrap where the belt may be at its limit.
 SHORT = 0.1  # So much of a contact next to its limit sticks in a first guess.
 LONGEST = 0.5  # A new part that slides takes this part of a stick part, at most.
@@ -53,12 +49,9 @@ def solve_several(method: Method[S]) -> S:
     except Stopped as stopped:
         if stopped.final:
             raise
-        found = _from_more_friction(method)
-        if found is None and (nearest := _nearest_to_its_limit(method)) is not None:
-            found = _below_limit(method, *nearest)
-        if found is None:
+        if (nearest := _nearest_to_its_limit(method)) is None:
             raise
-        state = found
+        state = _below_limit(method, *nearest)
     return meet_drives(method, state)
 
 
@@ -79,43 +72,6 @@ def meet_drives(method: Method[S], state: S) -> S:
         state = slid
     meets(method, state)
     return state
-
-
-def _from_more_friction(method: Method[S]) -> S | None:
-    """A state of the drive, from one with more friction; None where there is none on the way."""
-    scene = method.scene
-    frictions = [pulley.friction for pulley in scene.pulleys if pulley.friction > 0.0]
-    factor, ratio, iterations = max(MUCH / min(frictions, default=MUCH), 1.0), FALL, 0
-    last: S | None = None
-    while True:
-        pulleys = tuple(replace(pulley, friction=factor * pulley.friction) for pulley in scene.pulleys)
-        easier = method.at(scene.altered(pulleys=pulleys))
-        reached = _reached(easier, last, f"{factor:.3g} times as much")
-        iterations += easier.stages.iterations
-        if reached is not None and factor == 1.0:
-            method.stages.ran("more friction", "the string did not lead to a plausible state", iterations)
-            return reached
-        if reached is None and (last is None or ratio > LEAST_FALL):
-            method.stages.ran("more friction", "it leads to no plausible state either", iterations)
-            return None
-        if reached is None:
-            factor, ratio = factor / ratio, math.sqrt(ratio)
-        else:
-            last = reached
-        factor = max(factor * ratio, 1.0)
-
-
-def _reached(method: Method[S], last: S | None, why: str) -> S | None:
-    """A state near the last one, or from the method's own start; None where there is none."""
-    try:
-        if last is None:
-            state: S | None = method.start()
-        else:
-            start = method.transfer(last, last.layout, method.samples(last).ends)
-            state = settle_from(method, start, "more friction", why)
-    except Stopped:
-        return None
-    return state if state is not None and method.is_plausible(state) else None
 
 
 def _nearest_to_its_limit(method: Method[S]) -> tuple[int, Slip] | None:

@@ -1,7 +1,10 @@
-"""The boundary-value problem of any drive: reference answers, limits, invariances."""
+"""The boundary-value problem of any drive: reference answers, limits, invariances, loops that were hard."""
 
+import itertools
 import math
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -282,3 +285,22 @@ def test_a_torque_beyond_capacity_names_the_pulley_and_what_it_transmits():
         assert solution.status is status
         if status is Status.CAPACITY_EXCEEDED:
             assert "92.417" in solution.message and "pulley" in solution.message
+
+
+@pytest.fixture(scope="module")
+def loops():
+    studies = Path(__file__).parents[2] / "demos/studies"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(studies))
+        return runpy.run_path(str(studies / "stress_drives.py"))["loops"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "number"),
+    [(3, 46), (3, 45), (1, 39), (4, 5), (1, 17)],
+    ids=["sliding that turns back in next to nothing"] * 2
+    + ["sliding in both senses all along an idler", "creep that alternates", "creep that is too narrow"],
+)
+def test_loops_of_which_the_string_tells_too_little(seed, number, loops):
+    scene = next(itertools.islice(loops(number + 1, seed), number, None))
+    assert bvp.solve(scene, throw=False).status is Status.SOLVED
