@@ -242,6 +242,9 @@ class _Contact:
         if lengths[i] < 0.0 and i == last > 0 and parts[i - 1].kind == "stick" and not self.placed:
             length = max(-lengths[i], LEAST * (ends[-1] - ends[0]))
             return self.revised(why, [*parts[:-1], parts[-1].turned], [*ends[:-2], ends[-1] - length, ends[-1]])
+        if self.pulley.drive.kind == "none" and len(parts) == 2:
+            # The transition of the pulley that nothing drives is placed by the closing of the loop.
+            return None
         return self.revised(why, [*parts[:i], *parts[i + 1 :]], np.delete(ends, i + 1 if i < last else i))
 
     def broken(self) -> _Change | None:
