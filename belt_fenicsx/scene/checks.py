@@ -95,9 +95,10 @@ def not_negative(name: str, value: object, unit: str) -> float:
 
 def pair(name: str, value: object, expected: str, unit: str) -> tuple[float, float]:
     """Checks that ``value`` is a pair of finite numbers, as ``expected`` says, and returns it as floats."""
-    if isinstance(value, str | Mapping) or not hasattr(value, "__getitem__") or len(value) != 2:  # type: ignore[arg-type]
+    values: Any = value  # Of whatever type it is, it is asked what a pair can do.
+    if isinstance(values, str | Mapping) or not hasattr(values, "__getitem__") or len(values) != 2:
         raise SceneError(name, f"be a pair of finite numbers {expected} [{unit}]", value)
-    return number(f"{name}.0", value[0], unit), number(f"{name}.1", value[1], unit)
+    return number(f"{name}.0", values[0], unit), number(f"{name}.1", values[1], unit)
 
 
 def whole_number(name: str, value: object, least: int) -> int:
