@@ -19,7 +19,6 @@ from belt_fenicsx.layout.kind import Part
 FIRST, LAST = 0, -1  # Ends of a part.
 WIDTH_FREE, WIDTH_CONTACT = 2.0, 4.0  # Layers of a map, in bending layers and in shear layers of the belt.
 NARROWEST = 1e-7  # Layer of a map, in parts of its part of the belt.
-SAME = 1.5  # Ratio of widths up to which a map is kept.
 
 
 @dataclass(frozen=True)

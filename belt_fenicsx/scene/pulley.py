@@ -57,9 +57,6 @@ class Drive:
         return {self.kind: self.value / DRIVES[self.kind].scale(units), "drag": self.drag / DRAG.scale(units)}
 
 
-UNDRIVEN = Drive("none", 0.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Pulley:
     """A rigid pulley on one side of the belt, with Coulomb friction.
