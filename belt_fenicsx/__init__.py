@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from belt_fenicsx import bvp
+    from belt_fenicsx.safety import slip_safety
     from belt_fenicsx.scene.belt import Belt, StiffnessBelt
     from belt_fenicsx.scene.checks import SceneError
     from belt_fenicsx.scene.file import load_scene
@@ -31,6 +32,7 @@ _HOMES = {
     "Status": "solution.status",
     "SolveError": "solution.status",
     "load_scene": "scene.file",
+    "slip_safety": "safety",
     "solve": "solver",
     "sweep": "sweeps.sweep",
     "Sweep": "sweeps.sweep",
@@ -50,6 +52,7 @@ __all__ = [
     "bvp",
     "load_scene",
     "plot",
+    "slip_safety",
     "solve",
     "sweep",
 ]

@@ -261,6 +261,7 @@ def answer(scene: Scene, layout: Layout, problem: Problem, discrete: Discrete) -
         theta=theta,
         phi=phi,
         D=1.0 + strain,
+        rate=rate,
         kappa=kappa,
         p=p,
         f=f,

@@ -111,8 +111,8 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
     D = np.abs(tangent)
     return Fields.from_state(
         scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.angle(tangent), D=D, kappa=kappa, p=p, f=f, v_rel=sliding(scene, state, cell, D),
-        offset=state.offsets[cell] if state.terms.offset else None,
+        phi=theta + np.angle(tangent), D=D, rate=state.rate, kappa=kappa, p=p, f=f,
+        v_rel=sliding(scene, state, cell, D), offset=state.offsets[cell] if state.terms.offset else None,
     )  # fmt: skip
 
 
@@ -127,7 +127,7 @@ def fields(scene: Scene, state: State) -> Fields:
     cell = points // POINTS
     return Fields.from_state(
         scene.belt, zone=zone, weight=weight, sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.angle(state.fibre(cell, strain, kappa)), D=D, kappa=kappa, p=p, f=f,
+        phi=theta + np.angle(state.fibre(cell, strain, kappa)), D=D, rate=state.rate, kappa=kappa, p=p, f=f,
         v_rel=sliding(scene, state, cell, D), offset=state.offsets[cell] if state.terms.offset else None,
     )  # fmt: skip
 

@@ -111,8 +111,9 @@ def _read(
     D = np.hypot(along, across)
     fields = Fields.from_state(
         scene.belt, zone=zone, weight=points.weight, sigma=points.sigma, r=np.column_stack([points.x, points.y]),
-        theta=points.theta, phi=points.theta + np.arctan2(across, along), D=D, kappa=points.kappa, p=points.p,
-        f=points.f, v_rel=rate * D - np.array(surfaces)[zone], offset=d if scene.belt.contact_offset else None,
+        theta=points.theta, phi=points.theta + np.arctan2(across, along), D=D, rate=rate, kappa=points.kappa,
+        p=points.p, f=points.f, v_rel=rate * D - np.array(surfaces)[zone],
+        offset=d if scene.belt.contact_offset else None,
     )  # fmt: skip
     sigma = np.column_stack([ends[:-1], ends[1:]])
     x, y, theta = np.moveaxis(points.path(sigma), -1, 0)

@@ -47,8 +47,8 @@ def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, An
     speed = _speed(state, multipliers, numbers == NUMBER[STICK], pulley, float(np.hypot(*path(sigma_trans, 1))))
     fields = Fields.from_state(
         scene.belt, zone=np.searchsorted(starts, np.arange(len(r)), side="right"), weight=state.weight,
-        sigma=state.sigma, r=r, theta=state.theta, phi=np.arctan2(state.dy, state.dx), D=state.D, kappa=state.kappa,
-        p=multipliers.p, f=multipliers.f, v_rel=state.D - speed,
+        sigma=state.sigma, r=r, theta=state.theta, phi=np.arctan2(state.dy, state.dx), D=state.D, rate=1.0,
+        kappa=state.kappa, p=multipliers.p, f=multipliers.f, v_rel=state.D - speed,
     )  # fmt: skip
     (contact,) = contacts_of(
         scene, zones, fields, rate=1.0, omegas=(speed / pulley.radius,),

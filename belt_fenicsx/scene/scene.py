@@ -108,6 +108,19 @@ class Scene:
         return not (more or pulley.side == "left" or pulley.take_up or pulley.drag or pulley.slip_angle is not None)
 
     @property
+    def static_tension(self) -> float:
+        """Tension of the belt round its pulleys at rest, b1 (length of the taut path / length at rest - 1) [N].
+
+        It is NaN where a `take_up` makes the tension, and negative where the belt is slack.
+
+        Raises:
+            SceneError: The taut belt does not touch its pulley.
+        """
+        if any(pulley.take_up for pulley in self.pulleys):
+            return math.nan
+        return self.belt.extensional_stiffness * (taut_path(self).length / self.belt.length - 1.0)
+
+    @property
     def has_span(self) -> bool:
         """Whether `span` says where the clamps are."""
         return not self.closed and self.clamps is None

@@ -80,8 +80,8 @@ def _nearest_to_its_limit(method: Method[S]) -> tuple[int, Slip] | None:
     string = string_drive(scene)
     wraps = [arc.wrap for arc in tangent_path(scene, string.centers).arcs]
     loaded = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind in ("omega", "torque")]
-    index = max(loaded, key=lambda i: string.slip_angles[i] / wraps[i])
-    if string.slip_angles[index] < NEARLY * wraps[index]:
+    index = max(loaded, key=lambda i: string.slip_angles[i] / wraps[i], default=None)
+    if index is None or string.slip_angles[index] < NEARLY * wraps[index]:
         return None
     return index, "forward" if string.torques[index] > 0.0 else "backward"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,9 +28,35 @@ ALL: Mapping[str, Quantity] = {
     "run_up": Quantity(unit="m", text="run-up", length=1),
     "run_off": Quantity(unit="m", text="run-off", length=1),
     "hub_force": FORCE,
+    "tension_up": FORCE,
+    "tension_off": FORCE,
     "sliding_loss": POWER,
     "capacity": DRIVES["torque"],
     "take_up": Quantity(unit="m", text="take-up", length=1),
+}
+# What else is one number of a contact, or of a span, with its unit.
+OF_CONTACT: Mapping[str, str] = {
+    **{name: quantity.unit for name, quantity in QUANTITIES.items()},
+    "slip_angle": "rad",
+    "capacity": "N m",
+    "power": "W",
+    "sliding_loss": "W",
+    "tension_up": "N",
+    "tension_off": "N",
+    "tight": "N",
+    "slack": "N",
+    "hub_load": "N",
+    "hub_angle": "rad",
+    "creep": "-",
+    "take_up": "m",
+}
+OF_SPAN: Mapping[str, str] = {
+    "length": "m",
+    "tension": "N",
+    "speed": "m/s",
+    "sag": "m",
+    "frequency": "Hz",
+    "angle": "rad",
 }
 
 
@@ -83,6 +110,10 @@ class Contact:
         angle_off: Angle of the tangent at the run-off [rad].
         slip_angle: The part of the wrap that slides before the run-off [rad].
         hub_force: Force of the belt on the pulley, with the weight of what lies on it ``(2,)`` [N].
+        tension_up: Tension of the belt at the run-up, elastic, along the tangent of its middle line [N].
+        tension_off: Tension at the run-off [N].
+        creep: How much slower the pulley's surface is than that of the driver, the pulley that puts in most power, as a
+            part of the latter [-]; NaN where no pulley puts in any.
         sliding_loss: Power that friction takes where the belt slides [W].
         capacity: Torque that the pulley transmits at most, the rest of the drive as it is [N m]; NaN if not known.
         take_up: Displacement of the pulley along its take-up [m].
@@ -103,6 +134,9 @@ class Contact:
     angle_off: float
     slip_angle: float
     hub_force: tuple[float, float]
+    tension_up: float
+    tension_off: float
+    creep: float
     sliding_loss: float
     capacity: float
     take_up: float
@@ -118,6 +152,26 @@ class Contact:
     def power(self) -> float:
         """Power of the belt on the pulley [W], positive where it drives it."""
         return self.torque * self.omega
+
+    @property
+    def hub_load(self) -> float:
+        """Size of the hub force [N]."""
+        return math.hypot(*self.hub_force)
+
+    @property
+    def hub_angle(self) -> float:
+        """Direction of the hub force, from the x axis [rad]."""
+        return math.atan2(self.hub_force[1], self.hub_force[0])
+
+    @property
+    def tight(self) -> float:
+        """The larger of the tensions at run-up and run-off [N]."""
+        return max(self.tension_up, self.tension_off)
+
+    @property
+    def slack(self) -> float:
+        """The smaller of the tensions at run-up and run-off [N]."""
+        return min(self.tension_up, self.tension_off)
 
     def in_units(self, units: Units) -> Contact:
         """The contact of a dimensionless scene in the given units."""
@@ -147,6 +201,9 @@ class Span:
             ``(3,)`` [N].
         speed: Speed of the belt in the middle [m/s].
         sag: Largest distance of the fields' points from the chord [m].
+        frequency: First frequency with which the span vibrates across its chord [Hz]; NaN of a belt without mass. With
+            the tension T, the mass m per length, the length l and the speed v of the belt in its middle, taken for a
+            string between fixed ends, it is (w^2 - v^2) / (2 l w), where w^2 = T / m: waves run at w + v and w - v.
         angle: Angle of the chord, counted on along the belt [rad].
     """
 
@@ -155,4 +212,5 @@ class Span:
     tension: tuple[float, float, float]
     speed: float
     sag: float
+    frequency: float
     angle: float

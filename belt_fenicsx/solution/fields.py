@@ -26,7 +26,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "p": Quantity(unit="N/m", text="contact pressure", length=-1, force=1),
     "f": Quantity(unit="N/m", text="friction traction", length=-1, force=1),
     "v_rel": Quantity(unit="m/s", text="sliding speed", rate=1),
+    "speed": Quantity(unit="m/s", text="speed", rate=1),
 }
+# What follows from the others.
+DERIVED: Mapping[str, Quantity] = {"tension": Quantity(unit="N", text="tension", force=1)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,6 +56,7 @@ class Fields:
         p: Contact pressure per material length ``(n,)``, zero outside contact [N/m].
         f: Friction traction on the belt along its tangent ``(n,)``, zero outside contact [N/m].
         v_rel: Sliding speed c D - R omega of the belt against the pulley ``(n,)`` [m/s].
+        speed: Speed c D of the belt ``(n,)``, of the touching fibre on a pulley [m/s].
     """
 
     zone: Array
@@ -70,6 +74,7 @@ class Fields:
     p: Array
     f: Array
     v_rel: Array
+    speed: Array
 
     def __eq__(self, other: object) -> bool:
         return same_values(self, other) if isinstance(other, Fields) else NotImplemented
@@ -109,6 +114,7 @@ class Fields:
         theta: Array,
         phi: Array,
         D: Array,
+        rate: float,
         kappa: Array,
         p: Array,
         f: Array,
@@ -122,6 +128,7 @@ class Fields:
         angle are D and phi.
 
         Args:
+            rate: Transport rate c.
             offset: Distance d of the fibre whose stretch and tangent are given from the middle line, towards -e2
                 ``(n,)``; zero by default.
         """
@@ -136,7 +143,7 @@ class Fields:
         M = belt.bending_stiffness * (kappa - belt.curvature)
         return cls(
             zone=zone, weight=weight, sigma=sigma, r=r, theta=theta, phi=phi, D=D, eps=eps, Gamma=Gamma, kappa=kappa,
-            Q=Q, M=M, p=p, f=f, v_rel=v_rel,
+            Q=Q, M=M, p=p, f=f, v_rel=v_rel, speed=rate * D,
         )  # fmt: skip
 
     def in_units(self, units: Units) -> Fields:

@@ -24,7 +24,7 @@ from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone
-from belt_fenicsx.solution.fields import QUANTITIES, Fields
+from belt_fenicsx.solution.fields import DERIVED, QUANTITIES, Fields
 from belt_fenicsx.solution.stages import Stage
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solution.summary import as_json
@@ -216,7 +216,7 @@ def columns(solution: Solution) -> dict[str, tuple[str, Array]]:
     if solution.fields is None:
         raise SceneError("solution", "have fields to be written", solution.status.name)
     result: dict[str, tuple[str, Array]] = {}
-    for name, quantity in QUANTITIES.items():
+    for name, quantity in {**QUANTITIES, **DERIVED}.items():
         values = getattr(solution.fields, name)
         for index, component in enumerate(COMPONENTS.get(name, ())):
             result[component] = (quantity.unit, values[:, index])
@@ -243,17 +243,19 @@ def as_csv(rows: Iterable[Sequence[Any]]) -> str:
 def write_centreline(solution: Solution, path: str | Path) -> None:
     """Writes the deformed centreline as lines with all fields as point data, for ParaView, PyVista and meshio.
 
+    Names have units, without blanks, which the format VTK has not: ``p[N/m]``, ``M[N.m]``.
+
     Args:
         solution: A solution with fields.
         path: A file whose ending tells meshio the format: ``.vtu`` or ``.vtk``.
     """
     import meshio
 
-    values = {name: array for name, (_, array) in columns(solution).items()}
-    x, y = values.pop("x"), values.pop("y")
+    values = columns(solution)
+    (_, x), (_, y) = values.pop("x"), values.pop("y")
     points = np.column_stack([x, y, np.zeros_like(x)])
     lines = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
-    data = {name: np.ascontiguousarray(array) for name, array in values.items()}
+    data = {f"{name}[{unit.replace(' ', '.')}]": np.ascontiguousarray(array) for name, (unit, array) in values.items()}
     with replaced(Path(path)) as partial:
         meshio.Mesh(points, [("line", lines)], point_data=data).write(partial)
 

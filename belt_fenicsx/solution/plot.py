@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from belt_fenicsx.scene.file import unknown_name
-from belt_fenicsx.solution.fields import QUANTITIES
+from belt_fenicsx.solution.fields import DERIVED, QUANTITIES
 from belt_fenicsx.solution.files import COMPONENTS, columns
 from belt_fenicsx.solution.reading import goes_along_x
 
@@ -67,7 +67,8 @@ def _along(solution: Solution) -> str:
 
 def _meaning(name: str) -> str:
     texts = {part: QUANTITIES[whole].text for whole, parts in COMPONENTS.items() for part in parts}
-    return texts.get(name) or (QUANTITIES[name].text if name in QUANTITIES else name)
+    named = {**QUANTITIES, **DERIVED}
+    return texts.get(name) or (named[name].text if name in named else name)
 
 
 def _symbol(name: str) -> str:

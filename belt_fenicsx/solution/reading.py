@@ -65,6 +65,7 @@ def contacts_of(
     parts, N = parts_of(fields, zones), force(scene, fields, rate)
     taken, _ = weighed(scene, fields)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
+    tension, driver = fields.tension, _driver(scene, omegas, torques)
     contacts = []
     for index, pulley in enumerate(scene.pulleys):
         on = on_pulley(zones, index)
@@ -102,6 +103,9 @@ def contacts_of(
                 angle_off=off,
                 slip_angle=pulley.turn * (left - off),
                 hub_force=_vector(after - before + line_weight * (touching[-1].sigma[1] - touching[0].sigma[0])),
+                tension_up=float(tension[points[0]]),
+                tension_off=float(tension[points[-1]]),
+                creep=1.0 - pulley.radius * omegas[index] / driver,
                 sliding_loss=sum(_lost(fields, parts[i]) for i in on if zones[i].kind == "slip"),
                 capacity=math.nan if capacities is None else capacities[index],
                 take_up=along(pulley.take_up, center - complex(*pulley.center)),
@@ -111,16 +115,16 @@ def contacts_of(
     return tuple(contacts)
 
 
-def spans_of(zones: Sequence[Zone], fields: Fields, rate: float) -> tuple[Span, ...]:
+def spans_of(scene: Scene, zones: Sequence[Zone], fields: Fields) -> tuple[Span, ...]:
     """The free spans.
 
     Args:
+        scene: The scene.
         zones: All zones, in the direction of travel.
         fields: The fields.
-        rate: Transport rate c.
     """
     rows = zip(zones, parts_of(fields, zones), strict=True)
-    return tuple(_span(zone, fields, part, rate) for zone, part in rows if zone.pulley is None)
+    return tuple(_span(scene, zone, fields, part) for zone, part in rows if zone.pulley is None)
 
 
 def goes_along_x(scene: Scene) -> bool:
@@ -212,6 +216,12 @@ def weighed(scene: Scene, fields: Fields, origin: complex = 0j) -> tuple[Array, 
     return line_weight * fields.sigma, (lever.conj() * line_weight).imag
 
 
+def _driver(scene: Scene, omegas: Sequence[float], torques: Sequence[float]) -> float:
+    """Surface speed of the pulley that puts in most power; NaN where none does."""
+    power, index = min((omega * torque, i) for i, (omega, torque) in enumerate(zip(omegas, torques, strict=True)))
+    return scene.pulleys[index].radius * omegas[index] if power < 0.0 else math.nan
+
+
 def _lost(fields: Fields, part: slice) -> float:
     """Power that friction takes along a part."""
     return float(fields.weight[part] @ np.abs(fields.f[part] * fields.v_rel[part]))
@@ -231,17 +241,28 @@ def along(direction: tuple[float, float] | None, way: complex) -> float:
     return 0.0 if direction is None else (way * complex(*direction).conjugate()).real / math.hypot(*direction)
 
 
-def _span(zone: Zone, fields: Fields, part: slice, rate: float) -> Span:
+def _span(scene: Scene, zone: Zone, fields: Fields, part: slice) -> Span:
     sigma, r, tension = fields.sigma[part], places(fields.r)[part], fields.tension[part]
     chord, (near, weights) = complex(r[-1] - r[0]), _middle(sigma)
+    middle, speed, D = (float(weights @ values[near]) for values in (tension, fields.speed[part], fields.D[part]))
+    length = zone.sigma[1] - zone.sigma[0]
     return Span(
         sigma=zone.sigma,
-        length=zone.sigma[1] - zone.sigma[0],
-        tension=(float(tension[0]), float(weights @ tension[near]), float(tension[-1])),
-        speed=rate * float(weights @ fields.D[part][near]),
+        length=length,
+        tension=(float(tension[0]), middle, float(tension[-1])),
+        speed=speed,
         sag=float(np.abs(((r - r[0]) * chord.conjugate()).imag).max()) / (abs(chord) or math.nan),
+        frequency=_frequency(middle, scene.belt.line_density / D, length * D, speed),
         angle=_counted_on(chord, float(fields.phi[part.start])),
     )
+
+
+def _frequency(tension: float, mass: float, length: float, speed: float) -> float:
+    """First frequency of a taut moving string [Hz]; NaN without mass or tension."""
+    if not (mass > 0.0 and tension > 0.0):
+        return math.nan
+    wave = math.sqrt(tension / mass)
+    return (wave**2 - speed**2) / (2.0 * length * wave)
 
 
 def _middle(x: Array) -> tuple[slice, list[float]]:

@@ -67,19 +67,24 @@ def _drive(solution: Solution) -> Iterator[str]:
 def _whole(solution: Solution) -> Iterator[tuple[str, str, str]]:
     """Names, values and units of what the whole drive has."""
     yield "transport rate", f"{solution.transport_rate:.12g}", "m/s"
-    for name in ("power", "losses", "efficiency"):
+    units = {"power": "W", "losses": "W", "efficiency": "", "bending_stress": "Pa", "surface_strain": ""}
+    for name, unit in units.items():
         if not math.isnan(value := getattr(solution, name)):
-            yield name, f"{value:.8g}", "" if name == "efficiency" else "W"
+            yield name.replace("_", " "), f"{value:.8g}", unit
+    if not math.isnan(value := solution.scene.static_tension):
+        yield "tension at rest", f"{value:.8g}", "N"
 
 
 def _pulleys(solution: Solution) -> list[list[str]]:
     """Titles, and a row for each pulley; its take-up is told where there is one."""
     tensioned = any(pulley.take_up for pulley in solution.scene.pulleys)
-    titles = ["omega [rad/s]", "torque [N m]", "capacity [N m]", "power [W]", "loss [W]", "hub load [N]"]
-    rows = [["pulley", *titles, "wrap [rad]", "slip [rad]", *(["take-up [m]"] if tensioned else []), "zones"]]
+    titles = ["omega [rad/s]", "torque [N m]", "capacity [N m]", "power [W]", "loss [W]", "tight [N]", "slack [N]"]
+    titles += ["hub load [N]", "creep", "wrap [rad]", "slip [rad]", *(["take-up [m]"] if tensioned else [])]
+    rows = [["pulley", *titles, "zones"]]
     for contact in solution.contacts:
-        numbers = (contact.capacity, contact.power, contact.sliding_loss, math.hypot(*contact.hub_force))
-        more = (contact.wrap_angle, contact.slip_angle, *((contact.take_up,) if tensioned else ()))
+        numbers = (contact.capacity, contact.power, contact.sliding_loss, contact.tight, contact.slack)
+        angles = (contact.wrap_angle, contact.slip_angle, *((contact.take_up,) if tensioned else ()))
+        more = (contact.hub_load, contact.creep, *angles)
         cells = [f"{contact.omega:.12g}", f"{contact.torque:.9g}", *(f"{number:.6g}" for number in (*numbers, *more))]
         rows.append([str(contact.pulley), *cells, ", ".join(zone.name for zone in contact.zones)])
     return rows
@@ -88,9 +93,9 @@ def _pulleys(solution: Solution) -> list[list[str]]:
 def _spans(solution: Solution) -> list[list[str]]:
     """Titles, and a row for each free span."""
     tension = [f"tension {where} [N]" for where in ("before", "in the middle", "behind")]
-    rows = [["span", "length [m]", *tension, "speed [m/s]", "sag [m]", "angle [rad]"]]
+    rows = [["span", "length [m]", *tension, "speed [m/s]", "sag [m]", "frequency [Hz]", "angle [rad]"]]
     for index, span in enumerate(solution.spans):
-        numbers = (*span.tension, span.speed, span.sag, span.angle)
+        numbers = (*span.tension, span.speed, span.sag, span.frequency, span.angle)
         rows.append([str(index), f"{span.length:.9g}", *(f"{number:.6g}" for number in numbers)])
     return rows
 

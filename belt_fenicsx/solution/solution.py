@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.solution.fields import Fields, same_values
@@ -105,7 +107,39 @@ class Solution:
     @functools.cached_property
     def spans(self) -> tuple[Span, ...]:
         """The free spans, in the direction of travel; empty without fields."""
-        return () if self.fields is None else spans_of(self.zones, self.fields, self.transport_rate)
+        return () if self.fields is None else spans_of(self.scene, self.zones, self.fields)
+
+    @functools.cached_property
+    def geometric_wraps(self) -> tuple[float, ...]:
+        """Wrap angles of the taut string round the pulleys, where these are now, of each contact [rad]."""
+        centers = {contact.pulley: contact.center for contact in self.contacts}
+        if len(centers) < len(self.scene.pulleys):
+            return (float("nan"),) * len(centers)
+        return tuple(arc.wrap for arc in tangent_path(self.scene, [centers[i] for i in sorted(centers)]).arcs)
+
+    @property
+    def bending_stress(self) -> float:
+        """Largest stress of bending at the surface, E h |kappa - curvature| / 2 [Pa].
+
+        A band many times as wide as thick cannot narrow where it bends; its stress is larger by 1 / (1 - nu^2). It is
+        NaN without fields, and of a belt whose stiffnesses alone are known.
+        """
+        belt = self.scene.belt
+        return belt.youngs_modulus * self._surface[0] if isinstance(belt, Belt) else float("nan")
+
+    @property
+    def surface_strain(self) -> float:
+        """Largest strain at the surface, |eps| + h |kappa - curvature| / 2 [-]; NaN where `bending_stress` is."""
+        return self._surface[1]
+
+    @functools.cached_property
+    def _surface(self) -> tuple[float, float]:
+        """Largest strains at the surface: of bending alone, and with the axial strain."""
+        belt = self.scene.belt
+        if self.fields is None or not isinstance(belt, Belt):
+            return float("nan"), float("nan")
+        bending = np.abs(self.fields.kappa - belt.curvature) * belt.thickness / 2.0
+        return float(bending.max()), float((np.abs(self.fields.eps) + bending).max())
 
     @property
     def power(self) -> float:

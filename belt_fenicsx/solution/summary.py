@@ -13,6 +13,8 @@ from belt_fenicsx.scene.file import scene_to_dict
 if TYPE_CHECKING:
     from belt_fenicsx.solution.solution import Solution
 
+FOLLOWS = ("power", "hub_load", "hub_angle", "tight", "slack")  # what a contact tells beside what it holds
+
 
 def summary(solution: Solution) -> dict[str, Any]:
     """Everything but the arrays, as plain data for JSON."""
@@ -30,7 +32,12 @@ def summary(solution: Solution) -> dict[str, Any]:
             "power": solution.power,
             "losses": solution.losses,
             "efficiency": solution.efficiency,
-            "contacts": [{**asdict(contact), "power": contact.power} for contact in solution.contacts],
+            "bending_stress": solution.bending_stress,
+            "surface_strain": solution.surface_strain,
+            "contacts": [
+                {**asdict(contact), **{name: getattr(contact, name) for name in FOLLOWS}, "geometric_wrap": wrap}
+                for contact, wrap in zip(solution.contacts, solution.geometric_wraps, strict=True)
+            ],
             "spans": [asdict(span) for span in solution.spans],
             "zones": [asdict(zone) for zone in solution.zones],
             "iterations": solution.iterations,

@@ -28,7 +28,7 @@ from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solver import solve
 from belt_fenicsx.sweeps.parts import Parts, keys
 from belt_fenicsx.sweeps.ranks import OneProcess, Ranks, ranks_of
-from belt_fenicsx.sweeps.table import as_html, as_line, header, number, quantities, row
+from belt_fenicsx.sweeps.table import OF_ALL, as_html, as_line, header, number, quantities, row, unit_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -71,17 +71,17 @@ class Sweep:
     def __getitem__(self, name: str) -> Array:
         """A column ``(n,)`` of the table, by its name without a unit, as in ``"omega"`` or ``"error_estimate"``.
 
-        Quantities of contact are NaN where a scene has no answer. Where there are several pulleys, their names have the
-        pulley's number, as in ``"pulleys.1.torque"``.
+        Quantities are NaN where a scene has no answer. Those of a pulley or span have its number, as in
+        ``"pulleys.1.tight"`` and ``"spans.0.frequency"``; others are of the whole, as ``"efficiency"``. What needs
+        fields, as spans do, is NaN where these were not kept.
 
         Raises:
             KeyError: There is no such column.
         """
-        if name in self._told:
-            return np.array([number(solution, name) for solution in self.solutions])
-        if name in ("error_estimate", "iterations"):
-            return np.array([getattr(solution, name) for solution in self.solutions])
-        raise KeyError(name)
+        if "." not in name and name not in {**OF_ALL, **self._told}:
+            raise KeyError(name)
+        unit_of(name)
+        return np.array([number(solution, name) for solution in self.solutions])
 
     @property
     def _told(self) -> dict[str, str]:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from belt_fenicsx.scene.pulley import DRIVES
-from belt_fenicsx.solution.contact import QUANTITIES
+from belt_fenicsx.solution.contact import OF_CONTACT, OF_SPAN, QUANTITIES
 from belt_fenicsx.solution.reading import goes_along_x
 
 if TYPE_CHECKING:
@@ -17,6 +17,17 @@ if TYPE_CHECKING:
     from belt_fenicsx.solution.solution import Solution
     from belt_fenicsx.sweeps.sweep import Sweep
 
+# What is one number of a whole solution, with its unit.
+OF_ALL = {
+    "transport_rate": "m/s",
+    "power": "W",
+    "losses": "W",
+    "efficiency": "-",
+    "bending_stress": "Pa",
+    "surface_strain": "-",
+    "error_estimate": "-",
+    "iterations": "-",
+}
 SHOWN = 5  # rows that a notebook shows, from the table's head and from its tail
 
 
@@ -43,14 +54,43 @@ def row(value: Any, solution: Solution, told: Iterable[str]) -> list[Any]:
     return [*changed, *numbers, solution.error_estimate, solution.iterations, solution.status.name]
 
 
+def unit_of(name: str) -> str:
+    """Unit of what `number` knows by this name: of all, as ``"efficiency"``, of a pulley or of a span.
+
+    Raises:
+        KeyError: There is no such quantity.
+    """
+    where, index, quantity = _parts_of(name)
+    known = {"": OF_ALL, "pulleys": OF_CONTACT, "spans": OF_SPAN}.get(where, {})
+    if quantity not in known or not (index.isdecimal() or where == ""):
+        raise KeyError(name)
+    return known[quantity]
+
+
+def _parts_of(name: str) -> tuple[str, str, str]:
+    """Where a quantity is, the index there, and its own name; that of a contact alone is one of the first pulley."""
+    where, _, rest = name.rpartition(".")
+    if where == "":
+        return ("", "", name) if name in OF_ALL else ("pulleys", "0", name)
+    return (*where.partition(".")[::2], rest)
+
+
 def number(solution: Solution, name: str) -> float:
-    """A quantity of a solution; NaN where the answer is not one to rely on, and of a pulley that there is not."""
+    """A quantity of a solution; NaN where the answer is not one to rely on, and of a pulley or span that there is not.
+
+    The tension of a span is that in its middle.
+    """
+    where, index, quantity = _parts_of(name)
+    if where == "" and quantity in ("error_estimate", "iterations"):
+        return float(getattr(solution, quantity))
     if not solution.success:
         return math.nan
-    if name == "transport_rate":
-        return solution.transport_rate
-    *_, pulley, quantity = ("0", *name.split("."))
-    return next((float(getattr(c, quantity)) for c in solution.contacts if c.pulley == int(pulley)), math.nan)
+    if where == "":
+        return float(getattr(solution, quantity))
+    if where == "spans":
+        told = [span.tension[1] if quantity == "tension" else getattr(span, quantity) for span in solution.spans]
+        return float(told[int(index)]) if int(index) < len(told) else math.nan
+    return next((float(getattr(c, quantity)) for c in solution.contacts if c.pulley == int(index)), math.nan)
 
 
 def as_line(sweep: Sweep) -> str:

@@ -197,21 +197,28 @@ def capacities(scene: Scene, string: StringDrive) -> tuple[float, ...]:
     """
     found = []
     for index, torque in enumerate(string.torques):
-        limit = _limit(scene, index, "backward" if torque < 0.0 else "forward")
-        found.append(math.nan if limit is None or scene.pulleys[index].friction == 0.0 else limit.torques[index])
+        limit = limited(scene, index, "backward" if torque < 0.0 else "forward")
+        found.append(math.nan if limit is None else limit[1].torques[index])
     return tuple(found)
 
 
-def _limit(scene: Scene, index: int, sense: Slip) -> StringDrive | None:
-    """The string that slides all along a pulley, or along what slides first; None where there is none."""
+def limited(scene: Scene, index: int, sense: Slip) -> tuple[Scene, StringDrive] | None:
+    """The scene in which the belt slides all along a pulley, or along what slides first, and its string.
+
+    There is none without friction, and where no torque could be left open for that.
+    """
+    if scene.pulleys[index].friction == 0.0:
+        return None
     try:
         load = _load(scene, index)
+        limit, _ = at_capacity(scene, index, sense)
         try:
-            return string_drive(at_capacity(scene, index, sense)[0])
+            return limit, string_drive(limit)
         except BeyondCapacity as beyond:
             if not (beyond.pulley == load or _leads(scene, beyond.pulley)):
                 return None
-            return string_drive(at_capacity(scene, beyond.pulley, beyond.sense, load)[0])
+            limit, _ = at_capacity(scene, beyond.pulley, beyond.sense, load)
+            return limit, string_drive(limit)
     except Stopped:
         return None
 

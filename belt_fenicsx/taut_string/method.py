@@ -122,6 +122,7 @@ def _fields(scene: Scene, string: StringDrive) -> Fields:
         theta=phi,
         phi=phi,
         D=D,
+        rate=string.rate,
         kappa=kappa,
         p=p,
         f=f,

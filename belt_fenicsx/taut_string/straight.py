@@ -36,6 +36,7 @@ def straight_belt(scene: Scene, method: str) -> Solution:
         theta=zero,
         phi=zero,
         D=np.full(2, stretch),
+        rate=scene.transport_rate or math.nan,
         kappa=zero,
         p=zero,
         f=zero,

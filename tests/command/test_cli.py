@@ -198,7 +198,8 @@ ZONE = Zone(kind="slip", slip="forward", sigma=(-0.2, 0.2), x=(-0.21, 0.21))
 CONTACT = Contact(
     pulley=0, omega=1.5, x_up=-0.21, x_trans=0.0, x_off=0.21, torque=610.0, wrap_angle=0.6, center=(0.0, -0.575),
     run_up=(-0.21, 0.09), run_off=(0.21, 0.09), angle_up=0.3, angle_off=-0.3, slip_angle=0.3, hub_force=(10.0, -3e3),
-    sliding_loss=3.0, capacity=float("nan"), take_up=0.0, zones=(ZONE,),
+    tension_up=4e3, tension_off=3e3, creep=float("nan"), sliding_loss=3.0, capacity=float("nan"),
+    take_up=0.0, zones=(ZONE,),
 )  # fmt: skip
 
 

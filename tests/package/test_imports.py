@@ -26,7 +26,7 @@ BELOW = {
     "lagrangian": {"scene", "mechanics", "backend", "layout", "solution", "taut_string", "search"},
     "bvp": {"scene", "layout", "solution", "taut_string", "search"},
 }
-FACES = {"", "solver", "sweeps", "command"}  # which may import whatever is below them
+FACES = {"", "solver", "safety", "sweeps", "command"}  # which may import whatever is below them
 THIRD_PARTIES = {  # of those that may not import all
     "scene": set(),
     "mechanics": {"ufl"},

@@ -89,7 +89,7 @@ def two_pulleys(side="right", turned=0.0, moved=0j, certificate=True, **changed)
     fields = Fields.from_state(
         belt, zone=zone, sigma=columns["sigma"] + ends[zone] - ends[-1] / 2, r=vectors(place(columns["r"])), theta=phi,
         phi=phi, D=columns["D"], kappa=sign * columns["kappa"], p=columns["p"], f=columns["f"],
-        v_rel=RATE * columns["D"] - speeds[zone],
+        rate=RATE, v_rel=RATE * columns["D"] - speeds[zone],
     )  # fmt: skip
     zones = zones_of(scene, parts, fields)
     contacts = contacts_of(

@@ -196,7 +196,7 @@ def test_strains_from_the_touching_fibre(d):
     zero = np.zeros(7)
     fields = Fields.from_state(
         belt, zone=np.zeros(7, dtype=int), sigma=sigma, r=np.zeros((7, 2)), theta=theta, phi=np.angle(fibre),
-        D=np.abs(fibre), kappa=kappa, p=zero, f=zero, v_rel=zero, offset=np.full(7, d),
+        D=np.abs(fibre), kappa=kappa, p=zero, f=zero, v_rel=zero, rate=1.0, offset=np.full(7, d),
     )  # fmt: skip
     assert fields.eps == pytest.approx(eps, abs=1e-14) and fields.Gamma == pytest.approx(Gamma, abs=1e-14)
     assert fields.Q == pytest.approx(np.column_stack([3.0 * eps, 5.0 * Gamma]), abs=1e-14)

@@ -17,9 +17,14 @@ from mpi4py import MPI
 from belt_fenicsx import Scene, SceneError, Solution, Status, bvp, load_scene, solve
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.command import main as cli
-from belt_fenicsx.solution.files import export, fields_csv, save, to_plain, write_centreline
+from belt_fenicsx.solution.files import columns, export, fields_csv, save, to_plain, write_centreline
 
 serial = pytest.mark.serial
+SCALARS = ("sigma", "theta", "D", "p", "f", "M", "v_rel", "speed", "tension")
+
+
+def name_in_vtk(solution, name):
+    return f"{name}[{columns(solution)[name][0].replace(' ', '.')}]"
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +98,9 @@ def test_centreline_reads_back(suffix, solution, tmp_path):
     write_centreline(solution, path)
     mesh = meshio.read(path)
     assert np.array_equal(mesh.points[:, :2], solution.fields.r)
-    for name in ("sigma", "theta", "D", "p", "f", "M", "v_rel"):
-        assert np.array_equal(np.ravel(mesh.point_data[name]), getattr(solution.fields, name)), name
-    assert np.array_equal(np.ravel(mesh.point_data["Q1"]), solution.fields.Q[:, 0])
+    for name in SCALARS:
+        assert np.array_equal(np.ravel(mesh.point_data[name_in_vtk(solution, name)]), getattr(solution.fields, name))
+    assert np.array_equal(np.ravel(mesh.point_data["Q1[N]"]), solution.fields.Q[:, 0])
     assert len(mesh.cells_dict["line"]) == len(solution.fields.sigma) - 1
 
 
@@ -263,6 +268,6 @@ def test_ranks_write_each_file_once_and_its_values_come_back(tmp_path):
     mesh = meshio.read(folder / "belt.vtu")
     assert np.array_equal(mesh.points[:, :2], fields.r)
     assert np.array_equal(mesh.cells_dict["line"], np.arange(121)[:, np.newaxis] + (0, 1))
-    assert np.all(np.diff(np.ravel(mesh.point_data["sigma"])) > 0.0)
-    for name in ("sigma", "theta", "D", "p", "f", "M", "v_rel"):
-        assert np.array_equal(np.ravel(mesh.point_data[name]), getattr(fields, name)), name
+    assert np.all(np.diff(np.ravel(mesh.point_data["sigma[m]"])) > 0.0)
+    for name in SCALARS:
+        assert np.array_equal(np.ravel(mesh.point_data[name_in_vtk(again, name)]), getattr(fields, name)), name

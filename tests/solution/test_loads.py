@@ -72,7 +72,7 @@ def contact(side, gravity):
     omega = 0.9 * RATE * D.min() / pulley.radius
     fields = Fields.from_state(
         BELT, zone=np.zeros(POINTS, dtype=int), sigma=sigma, r=vectors(r), theta=theta, phi=phi, D=D, kappa=kappa, p=p,
-        f=-pulley.friction * p, v_rel=RATE * D - pulley.radius * omega, offset=np.full(POINTS, d),
+        f=-pulley.friction * p, rate=RATE, v_rel=RATE * D - pulley.radius * omega, offset=np.full(POINTS, d),
     )  # fmt: skip
     zones = zones_of(scene, [Part("slip", "forward", 0)], fields)
     torque = -pulley.radius * float(fields.weight @ fields.f)
