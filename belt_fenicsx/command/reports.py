@@ -49,10 +49,12 @@ def _plot(solution: Solution, path: Path) -> None:
 
     matplotlib.use("agg")
     from belt_fenicsx.backend.atomic import replaced
-    from belt_fenicsx.solution.plot import overview
+    from belt_fenicsx.solution import pictures
 
+    published = solution.scene.is_published or not solution.contacts
+    figure = pictures.picture(solution, "overview" if published else "drive")
     with replaced(path) as partial:
-        overview(solution).savefig(partial, format=path.suffix[1:].lower())
+        figure.savefig(partial, format=path.suffix[1:].lower())
 
 
 def sweep_scenes(scene: Scene, args: argparse.Namespace, petsc: Sequence[str]) -> Report:

@@ -32,13 +32,16 @@ ZONE_STYLES = {
 }
 
 
-def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False, **style: Any) -> Axes:
+def field(
+    solution: Solution, ax: Axes, name: str, *, along: str | None = None, contact_only: bool = False, **style: Any
+) -> Axes:
     """Draws one field against x, or sigma in loops and with several pulleys, with the zones' borders as vertical lines.
 
     Args:
         solution: A solution with fields.
         ax: Axes to draw into.
         name: Name of a scalar field or of a component, such as ``"p"``, ``"eps"``, ``"Gamma"`` or ``"Q1"``.
+        along: ``"x"`` or ``"sigma"``, if it is not to be chosen.
         contact_only: Whether to leave the free spans out.
         style: Keywords of Matplotlib's ``plot``; those of the method by default.
 
@@ -50,13 +53,13 @@ def field(solution: Solution, ax: Axes, name: str, *, contact_only: bool = False
         raise unknown_name("name", name, table)
     unit, values = table[name]
     free = np.array([zone.kind == "free" for zone in solution.zones])[table["zone"][1]]
-    shown = ~free if contact_only else slice(None)
+    values = np.where(free, np.nan, values) if contact_only else values
     style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
-    along = _along(solution)
-    ax.plot(table[along][1][shown], values[shown], **style)
-    mark_borders(solution, ax)
+    along = along or _along(solution)
+    ax.plot(table[along][1], values, **style)
+    mark_borders(solution, ax, along)
     ax.set_xlabel("x [m]" if along == "x" else r"$\sigma$ [m]")
-    ax.set_ylabel(f"{_meaning(name)} {_symbol(name)} [{unit}]")
+    ax.set_ylabel(f"{_meaning(name)}{_symbol(name)} [{unit}]")
     return ax
 
 
@@ -72,8 +75,11 @@ def _meaning(name: str) -> str:
 
 
 def _symbol(name: str) -> str:
-    greek = {"eps": r"$\varepsilon$", "Gamma": r"$\Gamma$", "kappa": r"$\kappa$", "theta": r"$\theta$"}
-    return greek.get(name, f"${name}$")
+    """The symbol of a quantity behind a blank; none where its name says it."""
+    if name in ("tension", "speed"):
+        return ""
+    greek = {"eps": r"\varepsilon", "Gamma": r"\Gamma", "kappa": r"\kappa", "theta": r"\theta", "phi": r"\varphi"}
+    return f" ${ {**greek, 'v_rel': 'v_{rel}'}.get(name, name) }$"
 
 
 class NotebookFigure(Figure):
@@ -85,10 +91,10 @@ class NotebookFigure(Figure):
         return image.getvalue()
 
 
-def mark_borders(solution: Solution, ax: Axes) -> Axes:
+def mark_borders(solution: Solution, ax: Axes, along: str | None = None) -> Axes:
     """Marks run-up, transition and run-off by thin vertical lines."""
     for zone in solution.zones[1:]:
-        ax.axvline(getattr(zone, _along(solution))[0], color="0.8", linewidth=0.8, zorder=0)
+        ax.axvline(getattr(zone, along or _along(solution))[0], color="0.8", linewidth=0.8, zorder=0)
     return ax
 
 
@@ -186,7 +192,7 @@ def overview(*solutions: Solution) -> Figure:
     figure = NotebookFigure(figsize=(9.0, 9.0), layout="constrained")
     axes = figure.subplot_mosaic([["belt", "belt"], ["p", "f"], ["eps", "Gamma"]])
     deformed_belt(solutions[0], axes["belt"])
-    axes["belt"].set_title(_title(solutions[0]))
+    axes["belt"].set_title(title(solutions[0]))
     for solution in solutions:
         for name in ("p", "f"):
             contact_forces(solution, axes[name], name)
@@ -196,7 +202,8 @@ def overview(*solutions: Solution) -> Figure:
     return figure
 
 
-def _title(solution: Solution) -> str:
+def title(solution: Solution) -> str:
+    """The speeds that were found, and the method."""
     speeds = ", ".join(f"{contact.omega:.6g}" for contact in solution.contacts)
     found = f"$\\omega$ = {speeds} rad/s" if speeds else "no contact"
     return f"{found} ({NAMES.get(solution.method, solution.method)})"

@@ -21,6 +21,8 @@ from belt_fenicsx.solution.reading import spans_of
 from belt_fenicsx.solution.status import Status
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from belt_fenicsx.solution.certificate import Check
     from belt_fenicsx.solution.contact import Contact, Span, Zone
     from belt_fenicsx.solution.stages import Stage
@@ -245,6 +247,26 @@ class Solution:
         from belt_fenicsx.solution.files import load
 
         return Solution(**load(path))
+
+    def plot(self, which: str = "drive") -> Figure:
+        """A figure, which a notebook shows and `savefig` writes.
+
+        Args:
+            which: ``"drive"``, to scale with its numbers; ``"unrolled"``, pressure, friction, tension and sliding speed
+                along the belt; ``"polar"``, the pressure round each pulley; or ``"overview"``, with strains.
+
+        Raises:
+            SceneError: There is no such figure, or nothing to be drawn.
+        """
+        from belt_fenicsx.solution.pictures import picture
+
+        return picture(self, which)
+
+    def export(self, folder: str | Path) -> None:
+        """Writes the result, its scene, fields and versions into a folder, as ``--out`` does."""
+        from belt_fenicsx.solution.files import export
+
+        export(self, folder)
 
     def summary(self) -> dict[str, Any]:
         """Everything but the arrays, as plain data for JSON."""

@@ -31,7 +31,9 @@ from belt_fenicsx.sweeps.ranks import OneProcess, Ranks, ranks_of
 from belt_fenicsx.sweeps.table import OF_ALL, as_html, as_line, header, number, quantities, row, unit_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from mpi4py import MPI
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,6 +93,34 @@ class Sweep:
         """The table's header, with units, and its rows."""
         told, pairs = self._told, zip(self.values, self.solutions, strict=True)
         return [header(self.over, told), *(row(value, solution, told) for value, solution in pairs)]
+
+    def plot(self, x: str, y: str) -> Figure:
+        """A figure of one column against another one, or against what changes, as ``plot("pulleys.1.creep",
+        "pulleys.1.torque")``.
+
+        Args:
+            x: Name of a column, as for ``sweep[x]``, or of what changes, as in `over`.
+            y: The same.
+
+        Raises:
+            SceneError: There is no such column, or it holds no numbers.
+        """
+        from belt_fenicsx.sweeps.curve import curve
+
+        return curve(self, x, y)
+
+    def to_pandas(self) -> DataFrame:
+        """The table as a data frame of pandas.
+
+        Raises:
+            ModuleNotFoundError: pandas is not there.
+        """
+        try:
+            from pandas import DataFrame
+        except ModuleNotFoundError as missing:
+            raise ModuleNotFoundError("`to_pandas` needs pandas: pip install pandas; or use `csv()`.") from missing
+        names, *rows = self.rows()
+        return DataFrame(rows, columns=names)
 
     def csv(self) -> str:
         """The table as comma-separated values."""

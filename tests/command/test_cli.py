@@ -20,6 +20,7 @@ from belt_fenicsx.command import arguments, reports
 from belt_fenicsx.command import main as cli
 from belt_fenicsx.command.process import own_rank
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution import pictures
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone
 from belt_fenicsx.solution.fields import Fields
@@ -303,8 +304,7 @@ def test_a_plot_that_fails_leaves_the_old_file(trouble, solution, answer, monkey
     target = tmp_path / "figure.png"
     target.write_text("old")
     monkeypatch.setattr(figure.Figure, "savefig", half_written)
-    monkeypatch.setitem(sys.modules, "belt_fenicsx.solution.plot", type(sys)("plot"))
-    sys.modules["belt_fenicsx.solution.plot"].overview = lambda solution: figure.Figure()
+    monkeypatch.setattr(pictures, "picture", lambda solution, which: figure.Figure())
     answer(replace(solution, fields=object.__new__(Fields)))
     assert cli.main(["--method", "bvp", "--plot", str(target)]) in (1, 130)
     assert [path.name for path in tmp_path.iterdir()] == ["figure.png"]
