@@ -7,8 +7,9 @@ from typing import Any
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.solution.solution import Solution
+from belt_fenicsx.solution.status import SolveError
 from belt_fenicsx.solver import solve
-from belt_fenicsx.taut_string.drive import limited
+from belt_fenicsx.taut_string.drive import limits
 
 
 def slip_safety(solution: Solution, pulley: int, **options: Any) -> float:
@@ -41,9 +42,13 @@ def slip_safety(solution: Solution, pulley: int, **options: Any) -> float:
     if torque == 0.0 or (drive.kind == "torque" and drive.value == drive.drag == 0.0):
         return math.inf
     scene, units = solution.scene.dimensionless()
-    if (found := limited(scene, pulley, "backward" if torque < 0.0 else "forward")) is None:
-        return math.nan
-    method = "string" if solution.method == "string" else "bvp"
-    at_limit = solve(found[0], **{"method": method, **options})
-    capacity = next(contact.torque for contact in at_limit.contacts if contact.pulley == pulley)
-    return capacity * units.of(length=1, force=1) / torque
+    method, first = "string" if solution.method == "string" else "bvp", None
+    for limit in limits(scene, pulley):
+        at_limit = solve(limit, **{"method": method, **options, "throw": False})
+        if at_limit.success:
+            capacity = next(contact.torque for contact in at_limit.contacts if contact.pulley == pulley)
+            return capacity * units.of(length=1, force=1) / torque
+        first = first or at_limit
+    if first is not None:
+        raise SolveError(first)
+    return math.nan

@@ -202,6 +202,24 @@ def capacities(scene: Scene, string: StringDrive) -> tuple[float, ...]:
     return tuple(found)
 
 
+def limits(scene: Scene, index: int) -> Iterator[Scene]:
+    """Scenes in which the belt slides all along a pulley, or another one, as the torque grows that `at_capacity` names.
+
+    The first one is that of the string; which pulley slides first may be another one for a belt.
+    """
+    torques = string_drive(scene).torques
+    senses: list[Slip] = ["backward" if torque < 0.0 else "forward" for torque in torques]
+    first = limited(scene, index, senses[index])
+    if first is None:
+        return
+    yield first[0]
+    for other, pulley in enumerate(scene.pulleys):
+        if pulley.friction and torques[other]:
+            limit, _ = at_capacity(scene, other, senses[other], _load(scene, index))
+            if limit.pulleys != first[0].pulleys:
+                yield limit
+
+
 def limited(scene: Scene, index: int, sense: Slip) -> tuple[Scene, StringDrive] | None:
     """The scene in which the belt slides all along a pulley, or along what slides first, and its string.
 
