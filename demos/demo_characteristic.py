@@ -115,6 +115,14 @@ def draw() -> None:
 
 
 # %%
+def headline() -> str:
+    """What there is to remember."""
+    return (
+        f"A change of omega by {100.0 * (published[-1, 0] / published[0, 0] - 1.0):.2f} % takes the moment from "
+        f"{published[0, 1]:.1f} to {published[-1, 1]:.1f} N m."
+    )
+
+
 if __name__ == "__main__":
     from mpi4py import MPI
 
@@ -123,7 +131,7 @@ if __name__ == "__main__":
         for omega, moment in published:
             print(f"{omega:>16.10f}{moment:>16.6f}")
         draw()
-        print(f"\nFigure: {OUTPUT / 'characteristic.png'}")
+        print(f"\n{headline()} Figure: {OUTPUT / 'characteristic.png'}")
 
 # %% [markdown]
 # The moment falls all along the curve as omega rises, and vanishes where the belt sticks all along. The string is no

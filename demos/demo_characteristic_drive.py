@@ -232,8 +232,16 @@ def table() -> str:
     return "\n".join(lines)
 
 
+def headline() -> str:
+    """What there is to remember."""
+    return (
+        f"A thick belt transmits {100.0 * (limits['thick', 40.0] / strings['thin', 40.0].most - 1.0):.0f} % more than "
+        "its string at 40 m/s, and 2 % less without inertia."
+    )
+
+
 if __name__ == "__main__" and MPI.COMM_WORLD.rank == 0:
     print(table())
     OUTPUT.mkdir(exist_ok=True)
     draw(belts, strings).savefig(OUTPUT / "characteristic_drive.png", dpi=120)
-    print(f"\nFigure: {OUTPUT / 'characteristic_drive.png'}")
+    print(f"\n{headline()} Figure: {OUTPUT / 'characteristic_drive.png'}")

@@ -64,6 +64,11 @@ def draw() -> None:
 
 
 # %%
+def headline() -> str:
+    """What there is to remember."""
+    return f"omega in [{slip.omega:.4f}, {stick.omega:.4f}] rad/s, from sliding all along to sticking all along."
+
+
 if __name__ == "__main__":
     from mpi4py import MPI
 
@@ -72,7 +77,7 @@ if __name__ == "__main__":
         for row in zip(places, speeds, torques, strict=True):
             print(f"{row[0]:>12.3f}{row[1]:>16.7f}{row[2]:>15.3f}")
         draw()
-        print(f"\nomega in [{slip.omega:.4f}, {stick.omega:.4f}] rad/s. Figure: {OUTPUT / 'omega_range.png'}")
+        print(f"\n{headline()} Figure: {OUTPUT / 'omega_range.png'}")
 
 # %%
 assert abs(stick.omega / PURE_STICK - 1.0) < 1e-9

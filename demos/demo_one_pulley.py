@@ -90,14 +90,20 @@ def draw() -> None:
 # %% [markdown]
 # Under `mpirun` the mesh is distributed and all ranks hold the same answer; one of them reports.
 
+
 # %%
+def headline() -> str:
+    """What there is to remember."""
+    return f"omega = {fem.omega:.4f} rad/s, as published."
+
+
 if __name__ == "__main__":
     from mpi4py import MPI
 
     if MPI.COMM_WORLD.rank == 0:
         print(side_by_side())
         draw()
-        print(f"\nomega = {fem.omega:.4f} rad/s, as published. Figures: {OUTPUT}")
+        print(f"\n{headline()} Figures: {OUTPUT}")
 
 # %%
 assert abs(fem.omega / REFERENCE_OMEGA - 1.0) < 1e-5

@@ -201,7 +201,7 @@ def _smallest_margins(solution: Solution, fields: Fields, parts: Sequence[slice]
     """
     names, pulleys, kinds, *columns = zip(*_conditions(solution, fields, parts), strict=True)
     values, sizes, errors, roundings = (np.array(column) for column in columns)
-    # A zone that is a point bears nothing: the belt has the pulley's speed there, on its way from one sense to the other.
+    # A zone that is a point bears nothing: the belt has the pulley's speed there, on its way to the other sense.
     rows = [
         [
             zone.kind in wanted and zone.pulley in (None, pulley) and zone.sigma[0] != zone.sigma[1]

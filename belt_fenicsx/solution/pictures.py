@@ -27,7 +27,7 @@ ROUNDING = 1e-9  # A smaller part of the largest torque is shown as zero.
 WIDENED = 2  # of them, the shortest ones
 MARGIN = 0.15  # what a widened contact shows of the spans beside it, as a part of its length
 ABREAST = 4  # polar plots in a row
-RINGS = 4  # of equal pressure, about, in each of them
+RINGS = 3  # of equal pressure, about, in each of them
 LINE: Mapping[str, Any] = {"color": "black", "linestyle": "-", "linewidth": 1.2}
 # Told apart in grey: stick is shaded, sliding is hatched, one way and the other.
 GROUNDS: Mapping[str, Mapping[str, Any]] = {

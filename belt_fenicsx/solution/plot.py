@@ -28,7 +28,8 @@ NAMES = {"bvp": "BVP", "augmented-lagrangian": "FEM, fixed mesh", "fitted": "FEM
 ZONE_STYLES = {
     "free": {"color": "0.55", "linestyle": "-", "linewidth": 1.5},
     "stick": {"color": "black", "linestyle": "-", "linewidth": 4.5},
-    "slip": {"color": "tab:red", "linestyle": (0, (1.2, 0.6)), "linewidth": 4.5},
+    "forward slip": {"color": "tab:red", "linestyle": (0, (1.2, 0.6)), "linewidth": 4.5},
+    "backward slip": {"color": "tab:blue", "linestyle": (0, (0.4, 0.4)), "linewidth": 4.5},
 }
 
 
@@ -147,7 +148,7 @@ def deformed_belt(solution: Solution, ax: Axes) -> Axes:
         last = np.flatnonzero(inside)[-1]
         inside[min(last + 1, len(inside) - 1)] = True
         label = None if zone.name in named else zone.name
-        ax.plot(x[inside], y[inside], label=label, **ZONE_STYLES[zone.kind])
+        ax.plot(x[inside], y[inside], label=label, **ZONE_STYLES[zone.name])
         named.add(zone.name)
     if not scene.closed:
         ends = np.array([end[:2] for end in scene.ends])
