@@ -16,6 +16,8 @@ from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.status import Status
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture(scope="module")
 def solved():

@@ -20,6 +20,8 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import SolveError, Status
 from belt_fenicsx.taut_string.string import taut_string
 
+pytestmark = pytest.mark.serial
+
 
 def chapter(**pulley):
     return Scene(pulleys=(Pulley(**pulley),))

@@ -13,6 +13,8 @@ from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.status import Status
 
+pytestmark = pytest.mark.serial
+
 
 def scene(*, radius=0.7, center=(0.0, -0.575), friction=0.2, span=1.0, belt=None, **drive):
     pulley = Pulley(radius=radius, center=center, friction=friction, **drive)

@@ -7,6 +7,8 @@ import pytest
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict
 
+pytestmark = pytest.mark.serial
+
 TWO = {
     "belt": {"thickness": 0.01},
     "closed": True,

@@ -12,6 +12,8 @@ from belt_fenicsx.scene.path import taut_path
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
+pytestmark = pytest.mark.serial
+
 FULL_TURN = 2.0 * math.pi
 THIN = StiffnessBelt(bending_stiffness=0.002, extensional_stiffness=1.1e5, shear_stiffness=4e4)
 

@@ -12,6 +12,8 @@ from belt_fenicsx.scene.file import scene_to_dict
 from belt_fenicsx.scene.pulley import Drive, Pulley
 from belt_fenicsx.scene.scene import Scene
 
+pytestmark = pytest.mark.serial
+
 NAN, INF = math.nan, math.inf
 
 

@@ -19,6 +19,8 @@ from belt_fenicsx.scene.file import (
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
+pytestmark = pytest.mark.serial
+
 DEMOS = Path(__file__).parents[2] / "demos"
 STIFF = StiffnessBelt(length=1.1, bending_stiffness=5.0, extensional_stiffness=2e5, shear_stiffness=9e4)
 

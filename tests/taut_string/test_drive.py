@@ -15,6 +15,8 @@ from belt_fenicsx import Pulley, Scene, SolveError, Status, StiffnessBelt, solve
 from belt_fenicsx.taut_string.drive import BeyondCapacity, capacities, string_drive
 from belt_fenicsx.taut_string.string import taut_string
 
+pytestmark = pytest.mark.serial
+
 THREAD_MASS = 0.8288 / 0.95  # The published mass counts from a length of which the belt's own is 0.95 times as long.
 
 THIN = ("two-equal", "two-fast", "two-speeds", "thread", "thread-dynamic", "flat-belt", "serpentine", "three-idler")

@@ -10,6 +10,8 @@ from belt_fenicsx.solver import explained
 from belt_fenicsx.taut_string.hints import _bent_ends, hints
 from belt_fenicsx.taut_string.string import taut_string
 
+pytestmark = pytest.mark.serial
+
 BELT = Belt(length=0.396, thickness=1.2e-3, width=0.03, youngs_modulus=5e8, poisson_ratio=0.4)
 PULLEY = Pulley(radius=0.06, center=(0.0, -0.01), friction=0.3, x_trans=0.0)
 GOOD = Scene(belt=BELT, pulleys=(PULLEY,), span=0.4, transport_rate=10.0)

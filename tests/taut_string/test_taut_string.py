@@ -12,6 +12,8 @@ from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.taut_string.string import taut_string
 
+pytestmark = pytest.mark.serial
+
 SCENES = {
     "source": Scene(),
     "backward": Scene(pulleys=(Pulley(slip="backward", x_trans=0.1),)),
