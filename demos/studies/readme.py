@@ -1,8 +1,8 @@
-"""Tables that scripts write into the README, each between two markers of its own."""
+"""Tables that scripts write into the README of the studies, each between two markers of its own."""
 
 from pathlib import Path
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parent / "README.md"
 
 
 def write_into_readme(name: str, text: str) -> None:
