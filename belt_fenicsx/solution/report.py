@@ -87,7 +87,13 @@ def _pulleys(solution: Solution) -> list[list[str]]:
         more = (contact.hub_load, contact.creep, *angles)
         cells = [f"{contact.omega:.12g}", f"{contact.torque:.9g}", *(f"{number:.6g}" for number in (*numbers, *more))]
         rows.append([str(contact.pulley), *cells, ", ".join(zone.name for zone in contact.zones)])
-    return rows
+    return _known(rows)
+
+
+def _known(rows: list[list[str]]) -> list[list[str]]:
+    """The rows without columns in which nothing is known."""
+    kept = [column for column in zip(*rows, strict=True) if {*column[1:]} != {"nan"}]
+    return [list(row) for row in zip(*kept, strict=True)]
 
 
 def _spans(solution: Solution) -> list[list[str]]:
@@ -97,7 +103,7 @@ def _spans(solution: Solution) -> list[list[str]]:
     for index, span in enumerate(solution.spans):
         numbers = (*span.tension, span.speed, span.sag, span.frequency, span.angle)
         rows.append([str(index), f"{span.length:.9g}", *(f"{number:.6g}" for number in numbers)])
-    return rows
+    return _known(rows)
 
 
 def as_line(solution: Solution) -> str:
