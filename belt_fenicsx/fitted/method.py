@@ -101,7 +101,8 @@ def solved(run: Run, starts: Sequence[Start]) -> Solution:
         evaluator=Evaluator.of(scene, found_there["zones"], known.state),
         **found_there,
     ).in_units(scene, run.units)
-    return certified(solution, tolerance=TOLERANCE)
+    doubts = (known.state.doubts * run.units.force).tolist()
+    return certified(solution, tolerance=TOLERANCE, doubts=doubts)
 
 
 def _ended(run: Run, **what_there_is: Any) -> Solution:

@@ -22,7 +22,8 @@ CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 def samples(scene: Scene, state: State) -> Samples:
     """What a state says about its layout."""
     parts = [sample(state, i) if part.touches else None for i, part in enumerate(state.layout.parts)]
-    resultants = zip(state.pressure_forces.tolist(), state.friction_forces.tolist(), strict=True)
+    forces_on = (state.pressure_forces, state.friction_forces, state.doubts)
+    resultants = zip(*(forces.tolist() for forces in forces_on), strict=True)
     pulleys = [Resultants(*grip(scene, state, index), *forces) for index, forces in enumerate(resultants)]
     return Samples(ends=state.ends, parts=tuple(parts), pulleys=tuple(pulleys), rate=state.rate)
 

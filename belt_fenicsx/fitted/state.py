@@ -218,6 +218,13 @@ class State:
         """Integral of the pressure on each pulley ``(pulleys,)``."""
         return self._integrals(local(self.degree).p)
 
+    @functools.cached_property
+    def doubts(self) -> Array:
+        """What rounding may make of the friction on each pulley ``(pulleys,)``: that of a stretch in a short cell."""
+        shortest = np.full_like(self.friction_forces, np.inf)
+        np.minimum.at(shortest, self.mesh.pulley, self.length)
+        return ROUNDING / shortest
+
     def _integrals(self, dofs: slice) -> Array:
         """Integrals of what has these dofs at the Gauss points ``(pulleys,)``."""
         return np.bincount(self.mesh.pulley, (self.values[:, dofs] @ gauss_weights(self.degree)) * self.length)

@@ -60,12 +60,14 @@ class Resultants:
         place: Where the belt leaves this speed for good, or is nearest to it: a global coordinate.
         pressure: Integral of the pressure.
         friction: Integral of the friction.
+        doubt: What rounding may make of that.
     """
 
     speed: float
     place: float
     pressure: float
     friction: float
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from belt_fenicsx.layout.revision import Samples
 from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.protocol import Method, S
-from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, transmissible
+from belt_fenicsx.solution.certificate import DRIVE, ROUNDING, UNKNOWN, transmissible
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import at_capacity
@@ -34,8 +34,9 @@ def ahead(scene: Scene, samples: Samples, index: int = 0) -> float:
 
 def missed(scene: Scene, samples: Samples, index: int = 0) -> float:
     """By how much a state misses a given speed or torque, as `ahead`, less what the certificate allows."""
-    allowed = DRIVE * transmissible(scene.pulleys[index].friction, samples.pulleys[index].pressure) + ROUNDING
-    return abs(ahead(scene, samples, index)) - allowed
+    of_state = samples.pulleys[index]
+    most = transmissible(scene.pulleys[index].friction, of_state.pressure)
+    return abs(ahead(scene, samples, index)) - (DRIVE * most + min(of_state.doubt, UNKNOWN * most) + ROUNDING)
 
 
 def unmet(method: Method[S], state: S) -> list[int]:

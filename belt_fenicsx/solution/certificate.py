@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 BALANCE = 1e-4  # of the tension: sums over the contact of values at points; what is wrong in kind misses by far more
 DRIVE = 1e-9  # of what friction can transmit, by which a drive may be missed
+UNKNOWN = 1e-7  # The same, by which rounding of a method's forces may excuse a drive that is missed.
 ROUNDING = 64 * float(np.finfo(float).eps)  # of a force, in units of the extensional stiffness
 MOST = 1e-3  # of what is checked, that the estimated error of a field may excuse
 
@@ -84,15 +85,18 @@ class Condition(NamedTuple):
     rounding: float = 0.0
 
 
-def certified(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> Solution:
+def certified(
+    solution: Solution, *, tolerance: float, balance: float = BALANCE, doubts: Sequence[float] | None = None
+) -> Solution:
     """Adds the certificate to a converged solution and takes its success back where a check fails.
 
     Args:
         solution: A converged solution, in the units of its scene.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
+        doubts: What rounding may make of the resultant of friction on each pulley [N]; nothing by default.
     """
-    checks = certify(solution, tolerance=tolerance, balance=balance)
+    checks = certify(solution, tolerance=tolerance, balance=balance, doubts=doubts)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
@@ -110,7 +114,9 @@ def check_transition(scene: Scene, x_up: float, x_off: float, pulley: int = 0) -
     raise SceneError(f"pulleys.{pulley}.x_trans", f"lie in the contact zone ({low:.6g}, {high:.6g}) [m]", x_trans)
 
 
-def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -> tuple[Check, ...]:
+def certify(
+    solution: Solution, *, tolerance: float, balance: float = BALANCE, doubts: Sequence[float] | None = None
+) -> tuple[Check, ...]:
     """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding, the balances and the drives.
 
     Each margin is relative to the size of what it checks: friction to mu p, a sliding speed to the largest one of its
@@ -121,6 +127,7 @@ def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -
         solution: A solution with fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
+        doubts: What rounding may make of the resultant of friction on each pulley [N]; nothing by default.
 
     Returns:
         One check for each condition that the zones call for.
@@ -133,7 +140,7 @@ def certify(solution: Solution, *, tolerance: float, balance: float = BALANCE) -
     checks = [_borders_in_order(solution), *_smallest_margins(solution, fields, parts, tolerance)]
     checks += _balances(solution, fields, parts, allowed)
     for contact in solution.contacts:
-        checks += _drive_met(solution, contact, fields, parts)
+        checks += _drive_met(solution, contact, fields, parts, doubts[contact.pulley] if doubts else 0.0)
     if not solution.scene.is_published:
         checks += _whole_belt(solution, fields, tolerance, allowed)
     return tuple(checks)
@@ -266,7 +273,9 @@ def _balances(solution: Solution, fields: Fields, parts: Sequence[slice], allowe
             yield Check(name=name, margin=-float(missed), tolerance=allowed, x=contact.center[0], pulley=number)
 
 
-def _drive_met(solution: Solution, contact: Contact, fields: Fields, parts: Sequence[slice]) -> Iterator[Check]:
+def _drive_met(
+    solution: Solution, contact: Contact, fields: Fields, parts: Sequence[slice], doubt: float
+) -> Iterator[Check]:
     """Whether what drives the pulley is met, relative to what friction can transmit.
 
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
@@ -291,7 +300,7 @@ def _drive_met(solution: Solution, contact: Contact, fields: Fields, parts: Sequ
     yield Check(
         name="drive met",
         margin=-missed,
-        tolerance=DRIVE + unknown,
+        tolerance=DRIVE + unknown + min(doubt / capacity, UNKNOWN),
         x=contact.x_trans,
         pulley=_numbered(solution.scene, contact.pulley),
     )

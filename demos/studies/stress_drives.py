@@ -3,8 +3,8 @@
 #
 # Loops of two to six pulleys on either side of the belt: thin and thick, fast and at rest, hardly loaded and near their
 # capacity, with gravity and with a touching fibre off the middle line. The load is a part of what the exact string
-# transmits. Each is solved by collocation and by fitted finite elements, and by collocation at a tighter tolerance, so that
-# an answer that is silently wrong shows.
+# transmits. Each is solved by collocation and by fitted finite elements, and by collocation at a tighter tolerance,
+# so that an answer that is silently wrong shows.
 #
 #     python demos/studies/stress_drives.py             300 loops
 #     python demos/studies/stress_drives.py --readme    writes the table into the README

@@ -2,7 +2,9 @@
 
 import itertools
 import math
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -418,3 +420,22 @@ def test_sweep_over_drives_of_all_kinds_gives_the_answers_of_single_solves():
 def test_answers_do_not_depend_on_the_number_of_elements():
     rates = [solve(drive("two-fast"), method="fitted", elements=n, rtol=1e-9).transport_rate for n in (40, 90)]
     assert rates[0] == pytest.approx(rates[1], rel=1e-9)
+
+
+def test_a_thin_belts_idler_is_met_to_what_rounding_leaves():
+    """An idler that sticks all along, on a belt of a thousandth of its radius: its friction is a sum that is zero but for
+    rounding, which the certificate tells beside its margin."""
+    studies = Path(__file__).parents[2] / "demos" / "studies"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(studies))
+        loops = runpy.run_path(str(studies / "stress_drives.py"))["loops"]
+    *_, scene = loops(12, 1)
+    assert scene.belt.thickness < 2e-3 * scene.pulleys[0].radius and scene.pulleys[0].torque == 0.0
+    solution, reference = solve(scene), bvp.solve(scene, rtol=1e-10)
+    assert not any(stage.name == "method bvp" for stage in solution.stages)
+    (met,) = (check for check in solution.checks if check.name == "drive met" and check.pulley == 0)
+    assert 1e-9 < met.tolerance < 1.1e-7 and -met.tolerance < met.margin
+    tension = max(span.tension[1] for span in reference.spans)
+    for contact, other, pulley in zip(solution.contacts, reference.contacts, scene.pulleys, strict=True):
+        assert contact.torque == pytest.approx(other.torque, abs=1e-8 * pulley.radius * tension)
+        assert contact.omega == pytest.approx(other.omega, rel=1e-8)
