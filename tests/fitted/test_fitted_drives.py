@@ -423,8 +423,8 @@ def test_answers_do_not_depend_on_the_number_of_elements():
 
 
 def test_a_thin_belts_idler_is_met_to_what_rounding_leaves():
-    """An idler that sticks all along, under a belt of a thousandth of its radius: but for rounding, which the certificate
-    tells beside its margin, friction on it sums up to zero."""
+    """An idler that sticks all along, under a belt of a thousandth of its radius: but for rounding, which the
+    certificate tells beside its margin, friction on it sums up to zero."""
     studies = Path(__file__).parents[2] / "demos" / "studies"
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(studies))
