@@ -6,7 +6,7 @@ large enough for it; small ones the first rank solves alone. The answer is as go
 zone to a part of an element.
 
 More than the source's one pulley between clamps with a given transition is a drive (`drive_loop.DriveRun`): several
-pulleys, loops, loads, a fibre that touches, speeds and torques.
+pulleys, loops, loads, a fibre that touches, speeds and torques; and pulleys that a force pushes (`take_ups`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from mpi4py import MPI
 from belt_fenicsx.backend.ranks import agreed, on_first
 from belt_fenicsx.lagrangian.accuracy import fields_of, shortcoming, with_errors
 from belt_fenicsx.lagrangian.drive_loop import DriveRun
-from belt_fenicsx.lagrangian.loop import NAME, Run, Task
+from belt_fenicsx.lagrangian.loop import Run, Task
 from belt_fenicsx.lagrangian.nodes import coarsen, node_positions
 from belt_fenicsx.lagrangian.problems import problems, taking_turns
+from belt_fenicsx.lagrangian.take_ups import tensioned
 from belt_fenicsx.lagrangian.tolerances import Tolerances
 from belt_fenicsx.lagrangian.track import Track
 from belt_fenicsx.layout.arrays import Array
@@ -74,14 +75,13 @@ def solve(
         message says which one would do.
 
     Raises:
-        SceneError: A pulley moves by a take-up, a transition is not in the contact zone, the mesh is none of this belt,
+        SceneError: A transition is not in the contact zone, the mesh is none of this belt,
             ranks that solve together ask for different things, or do so from a thread.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     tolerances = TOLERANCES if tolerances is None else tolerances
 
     def pose() -> tuple[Task, Units]:
-        _check_drive(scene)
         plain, units = scene.dimensionless()
         nodes = _nodes(scene, plain, units, elements, mesh)
         start, rate = None, 1.0
@@ -97,15 +97,8 @@ def solve(
 
     with taking_turns(comm):
         task, units = agreed(comm, pose, text)
-        solution = _solve_on_meshes(comm, task)
+        solution = tensioned(task, functools.partial(_solve_on_meshes, comm))
     return _judge(solution.in_units(scene, units), task.nodes * units.length, tolerances)
-
-
-def _check_drive(scene: Scene) -> None:
-    for index, pulley in enumerate(scene.pulleys):
-        if pulley.take_up is not None:
-            expected = f"be left out with the method {NAME}, whose pulleys stand still"
-            raise SceneError(f"pulleys.{index}.take_up", expected, pulley.take_up)
 
 
 def _is_drive(scene: Scene) -> bool:
@@ -203,7 +196,7 @@ def _judge(solution: Solution, nodes: Array, tolerances: Tolerances) -> Solution
         return solution
     for contact in solution.contacts:
         check_transition(solution.scene, contact.x_up, contact.x_off, contact.pulley)
-    solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance)
+    solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance, hub=tolerances.balance)
     message = shortcoming(solution, _told(solution, nodes), tolerances.largest_error)
     if not message:
         return solution

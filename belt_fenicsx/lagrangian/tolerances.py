@@ -28,8 +28,9 @@ class Tolerances:
         blur: Rounding errors of a penetration by which updates go on to change the pressure; on graded meshes 0.4.
         margin: Negative margin that the certificate allows, which unfinished updates leave. A coarse mesh that has the
             wrong sense of sliding by more is no answer, though a finer one may find the scene admissible.
-        balance: Negative margin of the balances, over the tension, that the certificate allows: a mesh meets them as
-            well as it resolves the layers. In the chapter's scene it is a thousandth of the whole pressure.
+        balance: Negative margin of the balances, and of the force of a take-up, over the tension, that the certificate
+            allows: a mesh meets them as well as it resolves the layers, and hub loads jump where contact begins or ends
+            at another Gauss point. In the chapter's scene it is a thousandth of the whole pressure.
         largest_error: Estimated error of a torque or a clamp moment from which on it is no answer. On the 287 meshes
             of `accuracy.SAFETY` it kept errors above 5 % from being answers, but for one of 6 %.
     """

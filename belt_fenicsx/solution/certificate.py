@@ -86,7 +86,12 @@ class Condition(NamedTuple):
 
 
 def certified(
-    solution: Solution, *, tolerance: float, balance: float = BALANCE, doubts: Sequence[float] | None = None
+    solution: Solution,
+    *,
+    tolerance: float,
+    balance: float = BALANCE,
+    hub: float | None = None,
+    doubts: Sequence[float] | None = None,
 ) -> Solution:
     """Adds the certificate to a converged solution and takes its success back where a check fails.
 
@@ -94,9 +99,10 @@ def certified(
         solution: A converged solution, in the units of its scene.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
+        hub: The same of the force of a take-up; the tolerance by default.
         doubts: What rounding may make of the resultant of friction on each pulley [N]; nothing by default.
     """
-    checks = certify(solution, tolerance=tolerance, balance=balance, doubts=doubts)
+    checks = certify(solution, tolerance=tolerance, balance=balance, hub=hub, doubts=doubts)
     if all(check.holds for check in checks):
         return replace(solution, checks=checks)
     return replace(solution, checks=checks, status=Status.NOT_ADMISSIBLE)
@@ -115,7 +121,12 @@ def check_transition(scene: Scene, x_up: float, x_off: float, pulley: int = 0) -
 
 
 def certify(
-    solution: Solution, *, tolerance: float, balance: float = BALANCE, doubts: Sequence[float] | None = None
+    solution: Solution,
+    *,
+    tolerance: float,
+    balance: float = BALANCE,
+    hub: float | None = None,
+    doubts: Sequence[float] | None = None,
 ) -> tuple[Check, ...]:
     """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding, the balances and the drives.
 
@@ -127,6 +138,7 @@ def certify(
         solution: A solution with fields on both sides of each border and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
+        hub: The same of the force of a take-up; the tolerance by default.
         doubts: What rounding may make of the resultant of friction on each pulley [N]; nothing by default.
 
     Returns:
@@ -142,7 +154,7 @@ def certify(
     for contact in solution.contacts:
         checks += _drive_met(solution, contact, fields, parts, doubts[contact.pulley] if doubts else 0.0)
     if not solution.scene.is_published:
-        checks += _whole_belt(solution, fields, tolerance, allowed)
+        checks += _whole_belt(solution, fields, tolerance, allowed, tolerance if hub is None else hub)
     return tuple(checks)
 
 
@@ -306,7 +318,7 @@ def _drive_met(
     )
 
 
-def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: float) -> Iterator[Check]:
+def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: float, hub: float) -> Iterator[Check]:
     """Whether a loop is closed, forces and power are in balance on the whole belt, and take-ups have their force.
 
     Forces are relative to the tension, power to that which passes through the belt.
@@ -316,6 +328,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
         fields: Its fields.
         tolerance: What the joints are allowed.
         allowed: What sums are allowed.
+        hub: What hub loads along take-ups are allowed.
     """
     scene, belt, rate, start = solution.scene, solution.scene.belt, solution.transport_rate, float(fields.x[0])
     tension, N = float(np.abs(places(fields.Q)).max()), force(scene, fields, rate)
@@ -340,7 +353,7 @@ def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: f
             yield Check(
                 name="force of the take-up",
                 margin=-missed,
-                tolerance=tolerance,
+                tolerance=hub,
                 x=contact.center[0],
                 pulley=_numbered(scene, contact.pulley),
             )

@@ -306,7 +306,7 @@ def _moves(scene: Scene, moving: Sequence[int]) -> Array:
             raise Stopped(
                 Status.CONTACT_LOST, f"A take-up moves to where `{error.field}` cannot be.", final=True
             ) from None
-        return np.array([_pushed(scene, drawn, index) for index in moving])
+        return np.array([pushed(scene, drawn, index) for index in moving])
 
     moves = _taut(scene, moving)
     now, allowed = missed(moves), MET * max(scene.pulleys[index].force or 0.0 for index in moving)
@@ -366,7 +366,7 @@ def _taut(scene: Scene, moving: Sequence[int]) -> Array:
     return moves
 
 
-def _pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
+def pushed(scene: Scene, drawn: StringDrive, index: int) -> float:
     """Hub load along a take-up, and the force that pushes it there."""
     on = [own for own in drawn.parts if own.part.touches and own.part.pulley == index]
     (x, y), first, last = _direction(scene.pulleys[index]), on[0], on[-1]

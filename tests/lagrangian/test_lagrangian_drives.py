@@ -204,10 +204,31 @@ def test_a_contact_of_few_elements_names_the_number_that_would_do():
     assert "elements" in solution.message
 
 
-def test_a_pulley_on_a_take_up_is_refused():
-    pulleys = (drive("two-equal").pulleys[0], load(torque=20.0, take_up=(1.0, 0.0), force=3000.0))
-    with pytest.raises(SceneError, match=r"`pulleys.1.take_up` must be left out with the method augmented-lagrangian"):
-        solve_fixed(drive("two-equal", pulleys=pulleys))
+@pytest.mark.parametrize("force", [2000.0, 4000.0])
+def test_a_take_up_holds_its_force(force):
+    scene = drive("two-equal")
+    pulleys = (scene.pulleys[0], replace(scene.pulleys[1], take_up=(1.0, 0.0), force=force))
+    solution, reference = (
+        solve(drive("two-equal", pulleys=pulleys), method=method, rtol=rtol)
+        for method, rtol in (("augmented-lagrangian", 1e-8), ("bvp", 1e-10))
+    )
+    contact, other = solution.contacts[1], reference.contacts[1]
+    tension = max(span.tension[1] for span in reference.spans)
+    assert contact.hub_force[0] == pytest.approx(-force, abs=6.5e-4 * tension)
+    assert contact.take_up == pytest.approx(other.take_up, rel=1e-3)
+    assert contact.center == pytest.approx(other.center, abs=1e-5)
+    assert contact.omega == pytest.approx(other.omega, rel=1e-4)
+    assert solution.scene.pulleys[1].take_up == (1.0, 0.0)
+    assert any(check.name == "force of the take-up" and check.holds for check in solution.checks)
+
+
+def test_a_take_up_beyond_what_the_mesh_can_do_says_why():
+    """Too few elements, and a force with which not even the string has its torque."""
+    scene = drive("two-equal")
+    for force, elements, said in ((2000.0, 30, "elements"), (1.0, 60, "places of the take-ups were not found")):
+        pulleys = (scene.pulleys[0], replace(scene.pulleys[1], take_up=(1.0, 0.0), force=force))
+        solution = solve_fixed(drive("two-equal", pulleys=pulleys), elements=elements, throw=False)
+        assert not solution.success and said in solution.message
 
 
 def points(p, held):
