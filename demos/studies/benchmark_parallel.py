@@ -22,6 +22,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -36,6 +37,10 @@ REPEATS = 3
 OMEGA = 1.4807092526223
 SECONDS = 600  # of the longest run that is waited for
 
+TWO_PULLEYS = Path(__file__).parents[1] / "two_pulleys.toml"
+OMEGA_OF_TWO = 11.3084625313
+ON_A_LOOP, DRIVES = 100_000, 1000
+
 # %% [markdown]
 # ## What one rank of a run does
 
@@ -43,16 +48,30 @@ SECONDS = 600  # of the longest run that is waited for
 # %%
 def elements(count: int) -> dict[str, float]:
     """Solves the source's scene on a fixed mesh."""
-    from belt_fenicsx import Scene, solve
+    from belt_fenicsx import Scene
 
-    solve(Scene(), method="augmented-lagrangian", elements=100)
+    return on_fixed_mesh(Scene(), count, 100, OMEGA)
+
+
+def loop(count: int) -> dict[str, float]:
+    """Solves a drive of two pulleys on a fixed mesh that is a ring."""
+    from belt_fenicsx import load_scene
+
+    return on_fixed_mesh(load_scene(TWO_PULLEYS), count, 400, OMEGA_OF_TWO)
+
+
+def on_fixed_mesh(scene: Any, count: int, few: int, omega: float) -> dict[str, float]:
+    """Solves a scene on a fixed mesh, after once on one of few elements."""
+    from belt_fenicsx import solve
+
+    solve(scene, method="augmented-lagrangian", elements=few)
     before, began = held(), time.perf_counter()
-    solution = solve(Scene(), method="augmented-lagrangian", elements=count)
+    solution = solve(scene, method="augmented-lagrangian", elements=count)
     seconds = time.perf_counter() - began
     (last,) = [stage for stage in solution.stages if stage.name == "frictional"]
     return {
         "seconds": seconds,
-        "error": abs(solution.omega / OMEGA - 1.0),
+        "error": abs(solution.contacts[-1].omega / omega - 1.0),
         "iterations": last.iterations,
         "bytes each": (held() - before) / count,
     }
@@ -79,18 +98,33 @@ def held() -> int:
 
 def scenes(count: int) -> dict[str, float]:
     """Sweeps over the place where stick ends, in fitted zones."""
+    from belt_fenicsx import Scene
+
+    return swept(Scene(), "pulleys.0.x_trans", np.linspace(-0.2, 0.2, count))
+
+
+def drives(count: int) -> dict[str, float]:
+    """Sweeps over the torque of a drive of two pulleys, in fitted zones."""
+    from belt_fenicsx import load_scene
+
+    return swept(load_scene(TWO_PULLEYS), "pulleys.1.torque", np.linspace(10.0, 30.0, count))
+
+
+def swept(scene: Any, over: str, values: np.ndarray) -> dict[str, float]:
+    """Sweeps over some values, after one solve, on all ranks."""
     from mpi4py import MPI
 
-    from belt_fenicsx import Scene, solve, sweep
+    from belt_fenicsx import solve, sweep
 
-    solve(Scene(), comm=MPI.COMM_SELF)
-    values = np.linspace(-0.2, 0.2, count)
+    solve(scene, comm=MPI.COMM_SELF)
     MPI.COMM_WORLD.Barrier()
     began = time.perf_counter()
     comm = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
-    result = sweep(Scene(), over="pulleys.0.x_trans", values=values, comm=comm, keep_fields=False)
-    assert result.success
+    assert sweep(scene, over=over, values=values, comm=comm, keep_fields=False).success
     return {"seconds": time.perf_counter() - began}
+
+
+MEASURED = {"elements": elements, "elements on a loop": loop, "scenes": scenes, "drives": drives, "meshes": meshes}
 
 
 def run_rank(what: str, count: int) -> None:
@@ -99,7 +133,7 @@ def run_rank(what: str, count: int) -> None:
 
     logging.basicConfig(level=logging.WARNING)
     logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
-    measures = {"elements": elements, "scenes": scenes, "meshes": meshes}[what](count)
+    measures = MEASURED[what](count)
     most = MPI.COMM_WORLD.allreduce(held(), MPI.MAX)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps({**measures, "bytes": most}))
@@ -150,7 +184,7 @@ def row(count: int, what: str, runs: list[dict[str, float]]) -> str:
     times, memory = ([run[name] for run in runs] for name in ("seconds", "bytes"))
     cells = [f"{count:.0e} {what}", *(f"{t:.3g}" for t in times), f"{times[0] / times[1]:.2f}"]
     cells += [f"{1e6 * times[0] / count:.0f}", " / ".join(f"{m / 1e6:.0f}" for m in memory)]
-    if what == "elements":
+    if "bytes each" in runs[0]:
         cells += [f"{runs[0]['bytes each'] / 1e3:.1f}", f"{runs[0]['iterations']}", f"{runs[0]['error']:.0e}"]
     else:
         cells += [""] * 3
@@ -165,7 +199,8 @@ def power(counts: Sequence[int], values: Sequence[float]) -> float:
 def table() -> str:
     """The table, with the machine's load when it was begun."""
     load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run; medians of {REPEATS}."
-    asked = [(count, "elements") for count in ELEMENTS] + [(SCENES, "scenes")]
+    asked = [(count, "elements") for count in ELEMENTS]
+    asked += [(ON_A_LOOP, "elements on a loop"), (SCENES, "scenes"), (DRIVES, "drives")]
     runs = {}
     for count, what in asked:
         print(f"{count} {what} ...", file=sys.stderr)
@@ -197,7 +232,7 @@ def table() -> str:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Large meshes and many scenes, on one rank and on two.")
     parser.add_argument("--readme", action="store_true", help="write the table into the README")
-    parser.add_argument("--rank", choices=("elements", "scenes", "meshes"), help=argparse.SUPPRESS)
+    parser.add_argument("--rank", choices=[*MEASURED], help=argparse.SUPPRESS)
     parser.add_argument("--count", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.rank is not None:

@@ -78,7 +78,7 @@ def test_from_a_copy_to_an_own_drive(tmp_path):
         ["bash", script, ROOT, tmp_path / "new", sys.executable], capture_output=True, text=True, timeout=120
     )
     assert result.returncode == 0, result.stderr
-    assert "Solved" in result.stdout and "capacity" in result.stdout
+    assert "Solved" in result.stdout and "hub load [N]" in result.stdout
     assert (tmp_path / "new" / "drive.png").stat().st_size > 10_000
 
 
