@@ -6,6 +6,9 @@ import math
 from typing import Any
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim
+from belt_fenicsx.scene.pulley import RUN_UP
+from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.limits import RATES, STEADY
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.status import SolveError
 from belt_fenicsx.solver import solve
@@ -44,7 +47,7 @@ def slip_safety(solution: Solution, pulley: int, **options: Any) -> float:
     scene, units = solution.scene.dimensionless()
     method, first = "string" if solution.method == "string" else "bvp", None
     for limit in limits(scene, pulley):
-        at_limit = solve(limit, **{"method": method, **options, "throw": False})
+        at_limit = _at_its_rate(scene, limit, **{"method": method, **options, "throw": False})
         if at_limit.success:
             capacity = next(contact.torque for contact in at_limit.contacts if contact.pulley == pulley)
             return capacity * units.of(length=1, force=1) / torque
@@ -52,3 +55,22 @@ def slip_safety(solution: Solution, pulley: int, **options: Any) -> float:
     if first is not None:
         raise SolveError(first)
     return math.nan
+
+
+def _at_its_rate(scene: Scene, limit: Scene, **options: Any) -> Solution:
+    """The drive at its limit, at the transport rate with which the belt just sticks to the pulley that gives its speed.
+
+    The rate of a limit is the string's, where that pulley slides and the belt has inertia.
+    """
+    solution = solve(limit, **options)
+    slides = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "omega" and limit.pulleys[i].x_trans == RUN_UP]
+    for _ in range(RATES if slides and scene.transport_rate is None and scene.has_inertia else 0):
+        if not solution.success or solution.fields is None:
+            break
+        first = next(i for i, zone in enumerate(solution.zones) if zone.pulley == slides[0])
+        stretch = float(solution.fields.D[solution.fields.zone == first][0])
+        rate = scene.pulleys[slides[0]].surface_speed / stretch
+        if abs(rate / solution.transport_rate - 1.0) <= STEADY:
+            break
+        solution = solve(limit.altered(transport_rate=rate), **options)
+    return solution

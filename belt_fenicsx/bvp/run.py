@@ -35,7 +35,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import StringDrive, string_drive, undivided
+from belt_fenicsx.taut_string.drive import BeyondCapacity, StringDrive, string_drive, undivided
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
@@ -93,16 +93,24 @@ class Run:
         return string_drive(self.scene)
 
     @functools.cached_property
+    def drawn(self) -> StringDrive:
+        """The string, even if a torque asks it for more friction than there is: the belt may transmit a little more."""
+        try:
+            return self.drive
+        except BeyondCapacity as beyond:
+            return beyond.drawn
+
+    @functools.cached_property
     def tension(self) -> float:
         """Typical force of the belt."""
-        if not self.scene.is_published:
-            return max(max(part.force) for part in self.drive.parts)
-        return self.scene.belt.extensional_stiffness * max(float(self.string.strain.max()), LEAST_STRAIN)
+        if self.scene.is_published:
+            return self.scene.belt.extensional_stiffness * max(float(self.string.strain.max()), LEAST_STRAIN)
+        return max(max(part.force) for part in self.drawn.parts)
 
     @property
     def winding(self) -> float:
         """Angle by which a loop turns."""
-        return self.drive.parts[-1].angles[1] - self.drive.parts[0].angles[0] if self.scene.closed else 0.0
+        return self.drawn.parts[-1].angles[1] - self.drawn.parts[0].angles[0] if self.scene.closed else 0.0
 
     @property
     def wanted(self) -> Array:

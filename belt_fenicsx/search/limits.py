@@ -17,6 +17,8 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import at_capacity
 
+RATES, STEADY = 8, 1e-9  # Rates that are tried at a limit, at most; a change that ends it.
+
 
 def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip: Slip) -> Scene:
     """The scene with a pulley that is driven by ``x_trans``."""
@@ -129,6 +131,7 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
                 final=True,
             )
         state = solve.converge(solve.transfer(state, rows, ends), "capacity", f"now {rows}")
+    solve, state = _at_its_rate(method, solve, state, index)
     method.stages.ran("capacity", f"sliding all along pulley {index}", solve.stages.iterations)
     if not solve.is_plausible(state):
         raise Stopped(Status.NEWTON_DIVERGED, f"No state was found that slides all along pulley {index}.")
@@ -144,6 +147,26 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
             final=True,
         )
     return state
+
+
+def _at_its_rate(method: Method[S], solve: Method[S], state: S, index: int) -> tuple[Method[S], S]:
+    """A state that slides all along the pulley that gives the speed, at the rate at which it just sticks at the run-up.
+
+    The rate of `at_capacity` is the string's; forces depend on it by inertia alone, so that the iteration is short.
+    """
+    drive, scene = method.scene.pulleys[index].drive, solve.scene
+    if drive.kind != "omega" or method.scene.transport_rate is not None or not scene.has_inertia:
+        return solve, state
+    for _ in range(RATES):
+        first = solve.samples(state).parts[state.layout.on(index)[0]]
+        assert first is not None, "a part on a pulley"
+        rate = method.scene.pulleys[index].surface_speed / float(first.D[0])
+        if abs(rate / (solve.scene.transport_rate or rate) - 1.0) <= STEADY:
+            break
+        solve = solve.at(solve.scene.altered(transport_rate=rate))
+        start = solve.transfer(state, state.layout, solve.samples(state).ends)
+        state = solve.converge(start, "capacity", "the rate of a belt that just sticks")
+    return solve, state
 
 
 def check_smooth(scene: Scene) -> None:

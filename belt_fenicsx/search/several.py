@@ -45,7 +45,11 @@ def solve_several(method: Method[S]) -> S:
     try:
         state = method.start()
     except BeyondCapacity as beyond:
-        state = _below_limit(method, beyond.pulley, beyond.sense)
+        try:
+            state = _below_limit(method, beyond.pulley, beyond.sense)
+        except BeyondCapacity as first:
+            # With all of this pulley, the string would already slide all along another one.
+            state = _below_limit(method, first.pulley, first.sense)
     except Stopped as stopped:
         if stopped.final:
             raise

@@ -123,10 +123,11 @@ class BeyondCapacity(Stopped):
     Attributes:
         pulley: The pulley on which the belt would slide all along.
         sense: Sense of this sliding.
+        drawn: The string that slides there, and asks for more friction than there is.
     """
 
-    def __init__(self, message: str, pulley: int, sense: Slip) -> None:
-        self.pulley, self.sense = pulley, sense
+    def __init__(self, message: str, drawn: StringDrive, pulley: int, sense: Slip) -> None:
+        self.drawn, self.pulley, self.sense = drawn, pulley, sense
         super().__init__(Status.CAPACITY_EXCEEDED, message, final=True)
 
 
@@ -385,7 +386,7 @@ def _drawn(scene: Scene, centers: tuple[Point, ...]) -> tuple[StringDrive, Beyon
         over = _overloaded(scene, path, drive, forces, first)
         if over is None:
             return drive, None
-        found.append((drive, BeyondCapacity(f"A string would slide all along pulley {over[0]}.", *over)))
+        found.append((drive, BeyondCapacity(f"A string would slide all along pulley {over[0]}.", drive, *over)))
     return found[0]
 
 
