@@ -8,7 +8,7 @@ from typing import Any
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.pulley import RUN_UP
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.limits import RATES, STEADY
+from belt_fenicsx.search.find import RATES, STEADY
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.status import SolveError
 from belt_fenicsx.solver import solve

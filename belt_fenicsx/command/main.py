@@ -48,8 +48,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is not None:
         return _exit_code_of(list(argv))
     _open_standard_streams()
-    signal.signal(signal.SIGTERM, _terminate)
-    code = _exit_code_of(sys.argv[1:])
+    came: list[KeyboardInterrupt] = []
+
+    def end(number: int, frame: FrameType | None) -> None:
+        came.append(Terminated() if number == signal.SIGTERM else KeyboardInterrupt())
+        raise came[-1]
+
+    signal.signal(signal.SIGTERM, end)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, end)
+    code = _exit_code_of(sys.argv[1:], came)
     # From here on there is nothing to be kept.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
@@ -62,8 +70,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _exit_code_of(argv: list[str]) -> int:
-    """Runs the command line; what is raised becomes a complaint and an exit code."""
+def _exit_code_of(argv: list[str], came: Sequence[KeyboardInterrupt] = ()) -> int:
+    """Runs the command line; what is raised becomes a complaint and an exit code.
+
+    Args:
+        argv: The arguments.
+        came: Interrupts that have come. Compiled modules that are being imported turn them into errors of their own.
+    """
     try:
         return _run(argv)
     except (SceneError, UsageError) as error:
@@ -75,6 +88,8 @@ def _exit_code_of(argv: list[str]) -> int:
     except BrokenPipeError:
         return Exit.NO_READER
     except Exception:  # whatever it is, the other ranks would wait for this one; it is raised again
+        if came:
+            return complain_of_interrupt(came[-1])
         abort_other_ranks()
         raise
 
@@ -86,10 +101,6 @@ def _open_standard_streams() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise Terminated
 
 
 def _run(argv: list[str]) -> int:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -23,8 +24,8 @@ from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.find import settle_from
-from belt_fenicsx.search.limits import ahead, limit_state, meets, slides_as_driven, unmet
+from belt_fenicsx.search.find import attempt, limit_state, settle_from
+from belt_fenicsx.search.limits import ahead, meets, slides_as_driven, unmet
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
@@ -53,9 +54,11 @@ def solve_several(method: Method[S]) -> S:
     except Stopped as stopped:
         if stopped.final:
             raise
-        if (nearest := _nearest_to_its_limit(method)) is None:
+        near = (attempt(functools.partial(_below_limit, method, *limit)) for limit in _near_their_limits(method))
+        found = next((state for state in near if state is not None), None)
+        if found is None:
             raise
-        state = _below_limit(method, *nearest)
+        state = found
     return meet_drives(method, state)
 
 
@@ -78,16 +81,14 @@ def meet_drives(method: Method[S], state: S) -> S:
     return state
 
 
-def _nearest_to_its_limit(method: Method[S]) -> tuple[int, Slip] | None:
-    """The pulley along nearly all of which the string slides, with the sense; None where it is none."""
+def _near_their_limits(method: Method[S]) -> list[tuple[int, Slip]]:
+    """Pulleys along nearly all of which the string slides, with the sense; that along most of which it does first."""
     scene = method.scene
     string = string_drive(scene)
     wraps = [arc.wrap for arc in tangent_path(scene, string.centers).arcs]
     loaded = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind in ("omega", "torque")]
-    index = max(loaded, key=lambda i: string.slip_angles[i] / wraps[i], default=None)
-    if index is None or string.slip_angles[index] < NEARLY * wraps[index]:
-        return None
-    return index, "forward" if string.torques[index] > 0.0 else "backward"
+    slid = {i: part for i in loaded if (part := string.slip_angles[i] / wraps[i]) >= NEARLY}
+    return [(i, "forward" if string.torques[i] > 0.0 else "backward") for i in sorted(slid, key=lambda i: -slid[i])]
 
 
 def _below_limit(method: Method[S], index: int, sense: Slip) -> S:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from belt_fenicsx import Scene, solve
 from belt_fenicsx.backend import interrupts
 
 pytestmark = pytest.mark.serial
+ROOT = Path(__file__).parents[2]
 
 # Called by PETSc in each iteration.
 CALLED = {
@@ -156,3 +158,23 @@ def test_any_time(argv, count):
         told = process.communicate(timeout=60)[1]
         assert process.returncode in (0, 130, 143), told
         assert "Signal" not in told
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_that_an_import_swallows(number, code, tmp_path):
+    """As compiled modules do, which turn what comes while they are imported into an error of their own."""
+    (tmp_path / "scipy").mkdir()
+    (tmp_path / "scipy" / "__init__.py").write_text(
+        "import os\n"
+        "try:\n"
+        f"    os.kill(os.getpid(), {int(number)})\n"
+        "    import time; time.sleep(10)\n"
+        "except BaseException:\n"
+        "    pass\n"
+        "raise ImportError('numpy.core.multiarray failed to import')\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-m", "belt_fenicsx", "--method", "bvp"]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert result.returncode == code, result.stderr
+    assert "Traceback" not in result.stderr
