@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from belt_fenicsx.solution.solution import Solution
 
 UNROLLED = ("p", "f", "tension", "v_rel")
+DRAWN, LINE_HEIGHT = 4.6, 0.24  # heights of a drive and of each line of its tables [inches]
 SHORT = 0.05  # A contact that is a smaller part of the belt is shown once more, widened.
 ROUNDING = 1e-9  # A smaller part of the largest torque is shown as zero.
-WIDENED = 2  # of them, the shortest ones
+WIDENED = 3  # of them, the shortest ones
 MARGIN = 0.15  # what a widened contact shows of the spans beside it, as a part of its length
 ABREAST = 4  # polar plots in a row
 RINGS = 3  # of equal pressure, about, in each of them
@@ -39,9 +40,9 @@ GROUNDS: Mapping[str, Mapping[str, Any]] = {
 
 def drive(solution: Solution) -> Figure:
     """The whole drive to scale, with the direction of travel and of rotation, and the numbers of pulleys and spans."""
-    figure = NotebookFigure(figsize=(9.0, 6.5), layout="constrained")
     rows = [_pulley_rows(solution), _span_rows(solution)]
-    heights = [1.0, *(0.07 * (1 + len(table)) for table in rows)]
+    heights = [DRAWN, *(LINE_HEIGHT * (1 + len(table)) for table in rows)]
+    figure = NotebookFigure(figsize=(9.0, sum(heights)), layout="constrained")
     drawn, *below = figure.subplots(3, 1, height_ratios=heights)
     deformed_belt(solution, drawn)
     drawn.set_title(title(solution))
@@ -65,7 +66,7 @@ def _pulley_rows(solution: Solution) -> list[list[str]]:
     rows = [[*titles, "wrap [deg]", "slip [deg]", "creep [-]"]]
     nothing = ROUNDING * max((abs(contact.torque) for contact in solution.contacts), default=0.0)
     for contact in solution.contacts:
-        angles = [f"{math.degrees(angle):.1f}" for angle in (contact.wrap_angle, contact.slip_angle)]
+        angles = [f"{round(math.degrees(angle), 1) + 0.0:.1f}" for angle in (contact.wrap_angle, contact.slip_angle)]
         given = (contact.torque, contact.power) if abs(contact.torque) > nothing else (0.0, 0.0)
         numbers = (contact.omega, *given, contact.tight, contact.slack, contact.hub_load)
         creep = "" if math.isnan(contact.creep) else f"{contact.creep:.3g}"
@@ -86,7 +87,7 @@ def _turning(solution: Solution, contact: Contact, ax: Axes) -> None:
     pulley = solution.scene.pulleys[contact.pulley]
     # The surface moves with the belt, which passes a pulley on its right clockwise.
     sense = -pulley.turn * math.copysign(1.0, contact.omega)
-    around = complex(*contact.center) + 0.55 * pulley.radius * np.exp(
+    around = complex(*contact.center) + 0.7 * pulley.radius * np.exp(
         1j * (0.5 * math.pi + sense * np.array([-1.0, 1.0]))
     )
     start, end = ((float(place.real), float(place.imag)) for place in around)
@@ -156,6 +157,7 @@ def polar(solution: Solution) -> Figure:
     columns = min(ABREAST, len(contacts))
     rows = -(-len(contacts) // columns)
     figure = NotebookFigure(figsize=(3.4 * columns + 0.6, 3.6 * rows + 0.4), layout="constrained")
+    figure.get_layout_engine().set(h_pad=0.12)
     axes = figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": "polar"}).ravel()
     for ax, contact in zip(axes, contacts, strict=False):
         turn = solution.scene.pulleys[contact.pulley].turn
@@ -173,7 +175,7 @@ def polar(solution: Solution) -> Figure:
         ax.set_rlabel_position(math.degrees(_free_angle(solution, contact)))
     for ax in axes[len(contacts) :]:
         ax.remove()
-    _legend(solution, axes[0])
+    _legend(solution, axes[columns * (rows - 1)])
     return figure
 
 
