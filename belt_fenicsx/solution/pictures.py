@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,11 +26,13 @@ UNROLLED = ("p", "f", "tension", "v_rel")
 DRAWN, LINE_HEIGHT = 4.6, 0.24  # heights of a drive and of each line of its tables [inches]
 SHORT = 0.05  # A contact that is a smaller part of the belt is shown once more, widened.
 ROUNDING = 1e-9  # A smaller part of the largest torque is shown as zero.
+ROOM = 0.02  # Names of borders are at least so far apart, as a part of an axes' width.
 WIDENED = 3  # of them, the shortest ones
 MARGIN = 0.15  # what a widened contact shows of the spans beside it, as a part of its length
 ABREAST = 4  # polar plots in a row
 RINGS = 3  # of equal pressure, about, in each of them
 LINE: Mapping[str, Any] = {"color": "black", "linestyle": "-", "linewidth": 1.2}
+PAPER: Mapping[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0}
 # Told apart in grey: stick is shaded, sliding is hatched, one way and the other.
 GROUNDS: Mapping[str, Mapping[str, Any]] = {
     "stick": {"facecolor": "0.85", "edgecolor": "none"},
@@ -123,13 +126,33 @@ def unrolled(solution: Solution) -> Figure:
             ax.locator_params(axis="x", nbins=3)
     for contact, start, end in ends:
         axes[0, 0].annotate(
-            f"pulley {contact.pulley}", xy=((start + end) / 2.0, 1.02), xycoords=("data", "axes fraction"),
-            ha="center", va="bottom", fontsize="small",
+            f"pulley {contact.pulley}", xy=((start + end) / 2.0, 0.98), xycoords=("data", "axes fraction"),
+            ha="center", va="top", fontsize="small", rotation=90.0, bbox=PAPER,
         )  # fmt: skip
+    _name_borders(axes[0, 0], [contact for contact, start, end in ends if end - start >= SHORT * whole])
     for ax, (_, _, contact) in zip(axes[0, 1:], widened, strict=True):
         ax.set_title(f"pulley {contact.pulley}, widened", fontsize="small")
+        _name_borders(ax, [contact])
     _legend(solution, axes[-1, 0])
     return figure
+
+
+def _name_borders(ax: Axes, contacts: Sequence[Contact]) -> None:
+    """Names the borders of contacts above an axes, their ends first; those that have no room have no name."""
+    low, high = ax.get_xlim()
+    ends = [(contact.zones[i].sigma[i], name) for contact in contacts for i, name in ((0, "run-up"), (-1, "run-off"))]
+    inner = [
+        (before.sigma[1], "slip begins" if before.kind == "stick" else "turn" if after.slip else "stick begins")
+        for contact in contacts
+        for before, after in itertools.pairwise(contact.zones)
+    ]
+    names: dict[float, str] = {}
+    for place, name in ends + inner:
+        if all(abs(place - other) > ROOM * (high - low) for other in names):
+            names[place] = name
+    above = ax.secondary_xaxis("top")
+    above.set_xticks([*names], labels=[*names.values()], rotation=90.0, fontsize="x-small")
+    above.tick_params(length=2.0)
 
 
 def _ground(solution: Solution, ax: Axes) -> None:

@@ -136,3 +136,15 @@ def test_a_sweep_as_a_data_frame(characteristic, monkeypatch):
 def test_a_folder_of_results(solution, tmp_path):
     solution.export(tmp_path / "out")
     assert Solution.load(tmp_path / "out" / "result.npz").contacts == solution.contacts
+
+
+def test_borders_have_names_where_there_is_room():
+    figure = bvp.solve(Scene()).plot("unrolled")
+    (above,) = figure.axes[0].child_axes
+    names = [label.get_text() for label in above.get_xticklabels()]
+    assert names == ["run-up", "run-off", "slip begins"]
+    banded = bvp.solve(load_scene(DEMOS / "steel_band.toml"))
+    assert banded.zones[0].slip == "forward" and banded.zones[1].kind == "stick"
+    (above,) = banded.plot("unrolled").axes[0].child_axes
+    places = above.get_xticks()
+    assert len(places) == 6 and np.diff(np.sort(places)).min() > 0.02 * banded.scene.belt.length
