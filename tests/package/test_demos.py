@@ -18,6 +18,7 @@ FIGURES = {
     "demo_polyamide": ("polyamide.png",),
     "demo_serpentine": ("serpentine.png",),
 }
+SHARED = ("demo_one_pulley", "demo_omega_range", "demo_two_pulleys")  # have a fixed mesh, which ranks share
 QUICK = ("demo_steel_band",)  # as notebooks; the others are slow ones
 
 
@@ -34,7 +35,9 @@ def test_every_demo_is_listed():
     assert {f"demo_{name}" for name in gallery.DEMOS} == set(FIGURES)
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in SHARED else pytest.mark.serial) for name in FIGURES]
+)
 def test_demo(name, capsys):
     import gallery
     from mpi4py import MPI

@@ -1,6 +1,5 @@
 """Whole figures: each is made of each kind of scene, has units on its axes, and no text over another one."""
 
-import io
 import math
 import sys
 from dataclasses import replace
@@ -33,7 +32,7 @@ def solution(request):
 @pytest.mark.parametrize("which", PICTURES)
 def test_pictures_are_made(which, solution):
     figure = solution.plot(which)
-    figure.savefig(io.BytesIO(), format="png", dpi=50)
+    figure.set_dpi(40)
     assert figure._repr_png_().startswith(b"\x89PNG")
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
     assert all(label.endswith("]") for label in labels)
