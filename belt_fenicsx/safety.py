@@ -12,7 +12,7 @@ from belt_fenicsx.search.find import RATES, STEADY
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.status import SolveError
 from belt_fenicsx.solver import solve
-from belt_fenicsx.taut_string.drive import limits
+from belt_fenicsx.taut_string.capacity import limits
 
 
 def slip_safety(solution: Solution, pulley: int, **options: Any) -> float:

@@ -14,7 +14,7 @@ from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
-from belt_fenicsx.taut_string.drive import StringDrive
+from belt_fenicsx.taut_string.shape import StringDrive
 from belt_fenicsx.taut_string.string import TautString
 
 EMPTY = np.zeros((0, 0, 0))

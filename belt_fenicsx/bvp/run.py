@@ -35,7 +35,9 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import BeyondCapacity, StringDrive, string_drive, undivided
+from belt_fenicsx.taut_string.drive import string_drive
+from belt_fenicsx.taut_string.shape import StringDrive, undivided
+from belt_fenicsx.taut_string.standing import BeyondCapacity
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -74,7 +73,7 @@ def pose(
         conditions=tuple(_conditions(scene, layout, rod)) if conditions is None else conditions,
         returning=() if conditions is not None else _returning(layout),
         take_ups=tuple(
-            TakeUp(_unit(pulley.take_up), tuple(layout.on(index)))
+            TakeUp(pulley.direction, tuple(layout.on(index)))
             for index, pulley in enumerate(scene.pulleys)
             if pulley.take_up is not None
         ),
@@ -111,11 +110,6 @@ def _on_pulleys(scene: Scene, layout: Layout, touching: Sequence[int]) -> OnPull
     )
 
 
-def _unit(direction: tuple[float, float]) -> tuple[float, float]:
-    length = math.hypot(*direction)
-    return direction[0] / length, direction[1] / length
-
-
 def _giving(scene: Scene, layout: Layout) -> int | None:
     """The pulley whose speed gives the transport rate afterwards; None where the rate is given or an unknown."""
     return None if scene.transport_rate is not None or scene.has_inertia else gives_rate(scene, layout)
@@ -146,7 +140,7 @@ def take_up_conditions(scene: Scene, layout: Layout, index: int) -> Iterator[Con
     pulley, on = scene.pulleys[index], layout.on(index)
     if pulley.take_up is not None and pulley.force is not None:
         ends = ((on[0], FIRST), *((i, LAST) for i in on))
-        yield Condition(ends, functools.partial(_pushed, rod_of(scene), _unit(pulley.take_up), pulley.force))
+        yield Condition(ends, functools.partial(_pushed, rod_of(scene), pulley.direction, pulley.force))
 
 
 def _onset(rod: Rod, slope: Array, ends: Sequence[End], c: Array) -> Array:

@@ -344,9 +344,7 @@ def driven(pulley: Pulley, terms: Terms) -> list[float]:
     values = [pulley.radius, pulley.friction, pulley.turn, given(pulley)]
     if not terms.loads:
         return values
-    x, y = pulley.take_up or (0.0, 0.0)
-    length = math.hypot(x, y) or 1.0
-    return [*values, pulley.drag / pulley.radius**2, x / length, y / length, pulley.force or 0.0]
+    return [*values, pulley.drag / pulley.radius**2, *pulley.direction, pulley.force or 0.0]
 
 
 def given(pulley: Pulley) -> float:

@@ -21,7 +21,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields, simpson_weights
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import StringDrive
+from belt_fenicsx.taut_string.shape import StringDrive
 from belt_fenicsx.taut_string.string import TautString
 
 POINTS = 17  # of dense fields, in each cell, its ends among them
@@ -375,8 +375,7 @@ def on_chords(chords: Array, xi: Array) -> Array:
 
 def ways(scene: Scene) -> Array:
     """Directions in which pulleys move, in the complex plane ``(pulleys,)``; zero of those that do not."""
-    directions = [complex(*(pulley.take_up or (0.0, 0.0))) for pulley in scene.pulleys]
-    return np.array([direction / (abs(direction) or 1.0) for direction in directions])
+    return np.array([complex(*pulley.direction) for pulley in scene.pulleys])
 
 
 def _blank(scene: Scene, layout: Layout, ends: Array, strain: float, degree: int, elements: int | None) -> State:

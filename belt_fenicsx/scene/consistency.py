@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from belt_fenicsx.scene.checks import SceneError, Verbatim
-from belt_fenicsx.scene.path import ROUNDING, Arc, Path, Point, tangent_path, taut_path
+from belt_fenicsx.scene.path import ROUNDING, Arc, Path, tangent_path, taut_path
 
 if TYPE_CHECKING:
     from belt_fenicsx.scene.scene import Scene
@@ -89,7 +89,7 @@ def check_on_path(scene: Scene, path: Path) -> None:
                 "say `slip_angle` [rad]"
             )
             raise SceneError(f"{name}.x_trans", expected, pulley.x_trans)
-        if pulley.take_up and _gain(arc, pulley.take_up) <= 0.0:
+        if pulley.take_up and arc.gain(pulley) <= 0.0:
             x, y = (round(part, 6) + 0.0 for part in arc.pull)
             expected = f"push the pulley into the belt, which pulls it along ({x:g}, {y:g}) [-]"
             raise SceneError(f"{name}.take_up", expected, pulley.take_up)
@@ -109,27 +109,21 @@ def _has_unique_places(arc: Arc) -> bool:
     return arc.wrap < math.pi - ROUNDING and quarters[0] == quarters[1]
 
 
-def _gain(arc: Arc, take_up: Point) -> float:
-    """How much longer the path becomes for each length that the pulley moves [-]."""
-    return -(arc.pull[0] * take_up[0] + arc.pull[1] * take_up[1]) / math.hypot(*take_up)
-
-
 def _check_taken_up(scene: Scene, path: Path) -> None:
     """That a slack belt becomes taut as the pulleys with a take-up move, all of them equally far."""
-    movable = [(index, pulley.take_up) for index, pulley in enumerate(scene.pulleys) if pulley.take_up]
-    name, direction = f"pulleys.{movable[0][0]}.take_up", movable[0][1]
+    movable = [(index, pulley) for index, pulley in enumerate(scene.pulleys) if pulley.take_up]
+    name, direction = f"pulleys.{movable[0][0]}.take_up", movable[0][1].take_up
     centers, slack, way = [pulley.center for pulley in scene.pulleys], scene.belt.length - path.length, 0.0
     try:
         for _ in range(MOST_STEPS):
-            missing, gain = scene.belt.length - path.length, sum(_gain(path.arcs[i], d) for i, d in movable)
+            missing, gain = scene.belt.length - path.length, sum(path.arcs[i].gain(pulley) for i, pulley in movable)
             if abs(missing) <= ROUNDING * scene.belt.length:
                 break
             if gain <= 0.0:
                 raise SceneError(name, f"take up the slack of {slack:g} [m]", direction)
             way += missing / gain
-            for i, (dx, dy) in movable:
-                (x, y), ratio = scene.pulleys[i].center, way / math.hypot(dx, dy)
-                centers[i] = (x + ratio * dx, y + ratio * dy)
+            for i, pulley in movable:
+                centers[i] = pulley.displaced(way)
             path = tangent_path(scene, centers)
         else:
             raise SceneError(name, f"take up the slack of {slack:g} [m]", direction)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 
 if TYPE_CHECKING:
+    from belt_fenicsx.scene.pulley import Pulley
     from belt_fenicsx.scene.scene import Scene
 
 Point = tuple[float, float]
@@ -53,6 +54,11 @@ class Arc:
     def length(self) -> float:
         """Length of the arc [m]."""
         return self.radius * self.wrap
+
+    def gain(self, pulley: Pulley) -> float:
+        """How much longer the path becomes for each length that the pulley moves along its take-up [-]."""
+        (x, y), (dx, dy) = self.pull, pulley.direction
+        return -(x * dx + y * dy)
 
     @property
     def pull(self) -> Point:

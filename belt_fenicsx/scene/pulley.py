@@ -123,6 +123,18 @@ class Pulley:
         """Speed R omega of the surface of a pulley whose speed is given [m/s]."""
         return self.radius * self.drive.by("omega")
 
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Unit vector along the take-up; zero without one."""
+        x, y = self.take_up or (0.0, 0.0)
+        length = math.hypot(x, y) or 1.0
+        return x / length, y / length
+
+    def displaced(self, move: float) -> tuple[float, float]:
+        """Centre with the take-up displaced [m]."""
+        (x, y), (dx, dy) = self.center, self.direction
+        return x + move * dx, y + move * dy
+
     def _check_take_up(self) -> None:
         if self.take_up is None:
             if self.force is not None:

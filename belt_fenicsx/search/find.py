@@ -26,7 +26,7 @@ from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import at_capacity
+from belt_fenicsx.taut_string.capacity import at_capacity
 
 RATES, STEADY = 8, 1e-9  # Rates that are tried at a limit, at most; a change that ends it.
 MOST_LAYOUTS = 8  # That many layouts for each pulley are tried one after another, at most.

@@ -29,7 +29,8 @@ from belt_fenicsx.search.limits import ahead, meets, slides_as_driven, unmet
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import BeyondCapacity, string_drive
+from belt_fenicsx.taut_string.drive import string_drive
+from belt_fenicsx.taut_string.standing import BeyondCapacity
 
 NEARLY = 0.8  # The string slides along so much of a wrap where the belt may be at its limit.
 SHORT = 0.1  # So much of a contact next to its limit sticks in a first guess.

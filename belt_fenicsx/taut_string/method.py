@@ -21,7 +21,10 @@ from belt_fenicsx.solution.reading import contacts_of, zones_of
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.drive import BeyondCapacity, StringDrive, at_capacity, capacities, string_drive
+from belt_fenicsx.taut_string.capacity import at_capacity, capacities
+from belt_fenicsx.taut_string.drive import string_drive
+from belt_fenicsx.taut_string.shape import StringDrive
+from belt_fenicsx.taut_string.standing import BeyondCapacity
 
 METHOD = "string"
 POINTS = 65  # Of each part, for its fields.

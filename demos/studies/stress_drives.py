@@ -26,7 +26,8 @@ from stress import Draw
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, bvp, solve
 from belt_fenicsx.scene.path import taut_path
 from belt_fenicsx.solution.stages import Stopped
-from belt_fenicsx.taut_string.drive import capacities, string_drive
+from belt_fenicsx.taut_string.capacity import capacities
+from belt_fenicsx.taut_string.drive import string_drive
 
 RTOL, TIGHT, AGREEMENT = 1e-8, 1e-10, 1e-7
 METHODS = ("bvp", "fitted")

@@ -12,7 +12,9 @@ from drives import REFERENCE, drive
 from loops import driven, loops, speeder
 
 from belt_fenicsx import Pulley, Scene, SolveError, Status, StiffnessBelt, solve
-from belt_fenicsx.taut_string.drive import BeyondCapacity, capacities, string_drive
+from belt_fenicsx.taut_string.capacity import capacities
+from belt_fenicsx.taut_string.drive import string_drive
+from belt_fenicsx.taut_string.standing import BeyondCapacity
 from belt_fenicsx.taut_string.string import taut_string
 
 pytestmark = pytest.mark.serial
