@@ -10,7 +10,6 @@ import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,17 +19,18 @@ import numpy as np
 
 from belt_fenicsx.backend.atomic import replaced
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.scene.checks import METHODS, SceneError, Verbatim
+from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone
+from belt_fenicsx.solution.evaluators import MAKERS
 from belt_fenicsx.solution.fields import DERIVED, QUANTITIES, Fields
 from belt_fenicsx.solution.stages import Stage
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solution.summary import as_json
 
 if TYPE_CHECKING:
-    from belt_fenicsx.solution.solution import Evaluator, Solution
+    from belt_fenicsx.solution.solution import Solution
 
 EVALUATOR = "evaluator."  # before the names of what knows the fields between points
 COMPONENTS = {"r": ("x", "y"), "Q": ("Q1", "Q2")}
@@ -90,20 +90,15 @@ def load(path: str | Path) -> dict[str, Any]:
             )
         between = {name: arrays.pop(name) for name in [*arrays] if name.startswith(EVALUATOR)}
         arguments = from_plain(plain, _fields(arrays) if arrays else None)
-        return {**arguments, "evaluator": _evaluator(arguments, between)} if between else arguments
+        if between:
+            named = {name.removeprefix(EVALUATOR): values for name, values in between.items()}
+            if arguments["method"] not in MAKERS:
+                raise SceneError("method", f"be one of {', '.join(MAKERS)}", arguments["method"])
+            arguments["evaluator"] = MAKERS[arguments["method"]](arguments["scene"], arguments["zones"], named)
+        return arguments
     except Exception as error:  # damaged archives, arrays and texts fail in many ways in Python's and NumPy's readers
         why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"
         raise SceneError("path", f"name a file that `save` wrote ({why})", str(path)) from None
-
-
-def _evaluator(arguments: Mapping[str, Any], arrays: Mapping[str, Array]) -> Evaluator:
-    """What knows the fields between points, from the arrays of a file: the method that found them."""
-    named = {name.removeprefix(EVALUATOR): values for name, values in arrays.items()}
-    if arguments["method"] not in METHODS:
-        raise SceneError("method", f"be one of {', '.join(METHODS)}", arguments["method"])
-    method = import_module(f"belt_fenicsx.{arguments['method']}.evaluator")
-    evaluator: Evaluator = method.Evaluator.from_arrays(arguments["scene"], arguments["zones"], named)
-    return evaluator
 
 
 def _fields(arrays: Mapping[str, Array]) -> Fields:

@@ -23,7 +23,7 @@ from belt_fenicsx.layout.kind import FREE, Part
 from belt_fenicsx.scene.path import Arc, Line, Path, Point
 from belt_fenicsx.scene.pulley import Pulley, Slip
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.taut_string.forces import Forces, friction
+from belt_fenicsx.taut_string.forces import Forces, friction, slip_angle
 
 NOTHING = 1e-12  # An angle that is no larger, in parts of the wrap, does not slide.
 
@@ -130,7 +130,8 @@ def drawn_on(path: Path, scene: Scene, forces: Forces, centers: tuple[Point, ...
     omegas, torques, angles, take_ups = [], [], [], []
     for pulley, arc, up, off, span in zip(scene.pulleys, path.arcs, forces.up, forces.off, ahead, strict=True):
         mu, grown, speed = friction(pulley, arc), math.log(off / up), c * string.stretch(up) / arc.radius
-        angle = min(abs(grown) / mu, arc.wrap) if mu else 0.0
+        # With little friction, forces know an angle less well than a place does.
+        angle = slip_angle(pulley, arc) if pulley.drive.is_place else min(abs(grown) / mu, arc.wrap) if mu else 0.0
         omega = pulley.drive.by("omega") if pulley.drive.kind == "omega" else speed
         # Where a drive places a transition, there is one, even if hardly anything sticks before it.
         through = pulley.drive.kind in ("slip_angle", "x_trans") or abs(speed - omega) > NOTHING * speed
