@@ -116,53 +116,53 @@ def zones(scene: Scene, problem: Problem, discrete: Discrete) -> tuple[list[Part
         np.array([np.interp(xi, middles, own) for own in values])
         for values in (y[STRAIN] - y[SURFACE], bounds - np.abs(equations.keeping(rod, y[:SURFACE], c)))
     )
-    grips, holds = equations.grip(ahead), spare > 0.0
+    ratios, keeps = equations.friction_ratio(ahead), spare > 0.0
     inside, ends = places(discrete.widths, xi), discrete.ends
     parts: list[Part] = []
     found = [] if problem.clamps is None else [ends[:1]]
     driven = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega"]
     anchor = driven[0] if scene.transport_rate is None else None
-    for grip, hold, index in zip(grips, holds, problem.contacts.parts.tolist(), strict=True):
+    for ratio, keep, index in zip(ratios, keeps, problem.contacts.parts.tolist(), strict=True):
         pulley = problem.parts[index].pulley
         smooth, gives = scene.pulleys[pulley].friction == 0.0, pulley == anchor
-        kinds, borders = ([1.0], [0.0, 1.0]) if smooth else _divided(grip, hold, inside[index])
+        kinds, joints = ([1.0], [0.0, 1.0]) if smooth else _divided(ratio, keep, inside[index])
         if gives and len(kinds) == 1 and kinds[0] != 0.0:
             # What gives the transport rate sticks somewhere, and slides behind.
-            kinds, borders = [0.0, *kinds], [0.0, SHORT * borders[1], *borders[1:]]
+            kinds, joints = [0.0, *kinds], [0.0, SHORT * joints[1], *joints[1:]]
         elif gives and kinds[-1] == 0.0:
-            end = borders[-2] + (1.0 - SHORT) * (1.0 - borders[-2])
-            kinds, borders = [*kinds, math.copysign(1.0, grip[-1])], [*borders[:-1], end, 1.0]
+            end = joints[-2] + (1.0 - SHORT) * (1.0 - joints[-2])
+            kinds, joints = [*kinds, math.copysign(1.0, ratio[-1])], [*joints[:-1], end, 1.0]
         parts += [sliding(kind, pulley) if kind else Part("stick", pulley=pulley) for kind in kinds]
-        found.append(ends[index] + np.array(borders) * (ends[index + 1] - ends[index]))
+        found.append(ends[index] + np.array(joints) * (ends[index + 1] - ends[index]))
     return parts, np.concatenate([*found, ends[-1:]])
 
 
-def _divided(grip: Array, holds: Array, places: Array) -> tuple[list[float], list[float]]:
+def _divided(ratio: Array, keeps: Array, places: Array) -> tuple[list[float], list[float]]:
     """Senses of sliding one after another, zero for stick, and the ends of these parts in [0, 1].
 
     The belt sticks in the longest of the places with less friction than that of sliding, if friction holds the stretch
     there. Elsewhere sliding turns. Behind stick, it does so only where friction no longer holds the stretch: before, a
     stiff equation makes the belt seem to slide to and fro, and it sticks.
     """
-    senses = np.where(np.abs(grip) > SLIDES, np.sign(grip), 0.0)
+    senses = np.where(np.abs(ratio) > SLIDES, np.sign(ratio), 0.0)
     runs = [list(group) for _, group in itertools.groupby(range(senses.size), key=lambda i: senses[i])]
-    sticks = [run for run in runs if senses[run[0]] == 0.0 and holds[run].any()]
+    sticks = [run for run in runs if senses[run[0]] == 0.0 and keeps[run].any()]
     longest = max(sticks, key=lambda run: places[run[-1]] - places[run[0]], default=[])
     if longest:
         sliding_runs = [run for run in runs if run[0] > longest[-1] and senses[run[0]] != 0.0]
         for run, following in itertools.pairwise(sliding_runs):
-            if senses[run[0]] == senses[following[0]] or not holds[run[-1]]:
+            if senses[run[0]] == senses[following[0]] or not keeps[run[-1]]:
                 break
             longest = [*range(longest[0], run[-1] + 1)]
         senses[longest] = 0.0
     turning = np.abs(senses) + np.isin(np.arange(senses.size), longest) == 0.0
-    senses[turning] = np.sign(grip[turning])
+    senses[turning] = np.sign(ratio[turning])
     changes = np.flatnonzero(np.diff(senses)) + 1
-    borders = [0.0, *((places[changes - 1] + places[changes]) / 2.0).tolist(), 1.0]
+    joints = [0.0, *((places[changes - 1] + places[changes]) / 2.0).tolist(), 1.0]
     kinds = senses[[0, *changes]].tolist()
-    while len(kinds) > 1 and min(np.diff(borders)) < LEAST:
-        i = int(np.argmin(np.diff(borders)))
-        del kinds[i], borders[i + (i < len(kinds))]
+    while len(kinds) > 1 and min(np.diff(joints)) < LEAST:
+        i = int(np.argmin(np.diff(joints)))
+        del kinds[i], joints[i + (i < len(kinds))]
         if 0 < i < len(kinds) and kinds[i - 1] == kinds[i]:
-            del kinds[i], borders[i]
-    return kinds, borders
+            del kinds[i], joints[i]
+    return kinds, joints

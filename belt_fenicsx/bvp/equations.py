@@ -241,8 +241,8 @@ class OnPulleys:
 
 @dataclass(frozen=True)
 class Creeping(OnPulleys):
-    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p grip,
-    grip = tanh((D - S) / width) + viscosity (D - S).
+    """Parts on pulleys with friction that grows with the speed of sliding, f = -mu p g,
+    g = tanh((D - S) / width) + viscosity (D - S).
 
     S is the stretch that goes with the surface of the pulley; S - 1 is one more unknown, a constant. Where the friction
     is nearly all of mu p, the belt slides; elsewhere it sticks, but for some creep. So there are no parts to be told
@@ -260,24 +260,24 @@ class Creeping(OnPulleys):
 
     size = 6
 
-    def grip(self, ahead: Array) -> Array:
+    def friction_ratio(self, ahead: Array) -> Array:
         """Part of mu p that friction is where the belt is ``ahead`` of the pulley, D - S ``(...)``."""
         return np.tanh(ahead / self.width) + self.viscosity * ahead
 
     def rate(self, rod: Rod, y: Array, c: Array) -> Array:
         """Derivatives of the unknowns ``(6, ...)``."""
-        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y[3] - y[5]))
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.friction_ratio(y[3] - y[5]))
         return np.concatenate([(kept + stretch_rate * gained)[:5], np.zeros_like(y[:1])])
 
     def tractions(self, rod: Rod, y: Array, c: Array) -> tuple[Array, Array]:
         """Pressure p and friction f ``(...)`` each."""
-        slope = self.friction * self.grip(y[3] - y[5])
+        slope = self.friction * self.friction_ratio(y[3] - y[5])
         p = self.pressure(rod, y, c)
         return p, -slope * p
 
     def pressure(self, rod: Rod, y: Array, c: Array) -> Array:
         """Pressure ``(...)``."""
-        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.grip(y[3] - y[5]))
+        stretch_rate, kept, gained = self._sliding(rod, y[:5], c, self.friction * self.friction_ratio(y[3] - y[5]))
         return (kept + stretch_rate * gained)[5]
 
     def joined(self, rod: Rod, y: Array, c: Array) -> Array:

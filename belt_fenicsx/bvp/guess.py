@@ -22,8 +22,8 @@ EMPTY = np.zeros((0, 0, 0))
 
 def from_string(problem: Problem, scene: Scene, string: TautString, cells: int = COARSE) -> Discrete:
     """The taut string over one pulley between clamps."""
-    borders = string.borders if len(problem.parts) == 4 else string.borders[[0, 2]]
-    ends = np.array([-0.5, *borders, 0.5])
+    joints = string.joints if len(problem.parts) == 4 else string.joints[[0, 2]]
+    ends = np.array([-0.5, *joints, 0.5])
     strains = np.maximum(string.strain, LEAST_STRAIN)
     sticking = 1.0 + strains[0]
 

@@ -21,13 +21,13 @@ import numpy as np
 
 from belt_fenicsx.bvp.guess import divided, from_fields
 from belt_fenicsx.bvp.newton import COARSE, Refined
-from belt_fenicsx.bvp.reading import FIELDS, answer, field_errors, seen
+from belt_fenicsx.bvp.reading import FIELDS, answer, explained, field_errors
 from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.bvp.state import State
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.search.find import answers, find, layout_of, settle_from
-from belt_fenicsx.search.limits import check_smooth, meets
+from belt_fenicsx.search.limits import check_smooth, leaves_transition, meets
 from belt_fenicsx.search.several import meet_drives, solve_several
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
@@ -83,7 +83,7 @@ def _certified(scene: Scene, rtol: float, find_zones: bool, initial: Solution | 
     if solution.fields is not None:
         solution = certified(solution, tolerance=max(TOLERANCE, rtol))
         if solution.status is Status.NOT_ADMISSIBLE:
-            solution = replace(solution, message=seen(solution))
+            solution = replace(solution, message=explained(solution))
     return solution
 
 
@@ -113,7 +113,7 @@ def _solve(scene: Scene, rtol: float, find_zones: bool, initial: Solution | None
 
 def _missed(run: Run) -> str:
     """What is less accurate than wanted."""
-    asked_for = "the torque" if run.scene.pulleys[0].drive.kind == "omega" else "omega"
+    asked_for = "the torque" if all(pulley.omega is not None for pulley in run.scene.pulleys) else "omega"
     worst = int(np.argmax(run.refinement.errors / run.wanted))
     return (
         f"On {run.refinement.discrete.cells} cells, {(asked_for, *FIELDS)[worst]} has a relative error of "
@@ -173,5 +173,4 @@ def _cold(run: Run) -> State:
     """An answer on the coarse mesh, from the taut string."""
     if not run.scene.is_published:
         return solve_several(run)
-    pulley = run.scene.pulleys[0]
-    return run.start() if pulley.drive.kind == "x_trans" or pulley.friction == 0.0 else solve_driven(run)
+    return solve_driven(run) if leaves_transition(run.scene) else run.start()

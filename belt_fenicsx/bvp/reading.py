@@ -287,7 +287,7 @@ def _inside(cells: int) -> tuple[Array, Array]:
     return tau, np.where(np.isin(tau, POINTS), 1.0, 0.0)
 
 
-def seen(solution: Solution) -> str:
+def explained(solution: Solution) -> str:
     """What a state that is not admissible looks like, and where."""
     failed, several = [check for check in solution.checks if not check.holds], len(solution.contacts) > 1
     by_name = {check.name: check for check in reversed(failed)}
@@ -323,7 +323,7 @@ def seen(solution: Solution) -> str:
 
 
 def _out_of_order(solution: Solution, x: float) -> str:
-    """What has borders out of order."""
+    """What has joints out of order."""
     for contact in solution.contacts:
         on = f" with pulley {contact.pulley}" if len(solution.contacts) > 1 else ""
         if contact.zones[0].sigma[0] >= contact.zones[-1].sigma[1]:

@@ -32,7 +32,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick
 from belt_fenicsx.search.find import check_transition, settle, settle_from
-from belt_fenicsx.search.limits import meets
+from belt_fenicsx.search.limits import leaves_transition, meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.drive import string_drive
@@ -175,8 +175,8 @@ class Run:
         if self.end is not None:
             # What the first mesh left in doubt shows here; but not in a state without a mechanical sense.
             doubt = DOUBT if self.scene.is_published else math.inf
-            calm = plausible(state.problem, state.layout, state.discrete, doubt) and meets(self, state)
-            return Tolerances(shrunk=NOTHING, bound=BROKEN, sense=BROKEN) if calm else None
+            sound = plausible(state.problem, state.layout, state.discrete, doubt) and meets(self, state)
+            return Tolerances(shrunk=NOTHING, bound=BROKEN, sense=BROKEN) if sound else None
         doubt = state.discrete.doubt * float(state.discrete.values.lengths[state.problem.contacts.parts].sum())
         return Tolerances(shrunk=-doubt, bound=BROKEN, sense=SLACK)
 
@@ -189,7 +189,7 @@ class Run:
         if self.end is not None and self.end.discrete is state.discrete:
             return None
         # Next to pure stick and pure slip, a given speed or torque is met by all digits only.
-        closer = CLOSER if self.scene.pulleys[0].drive.is_place else 0.0
+        closer = 0.0 if leaves_transition(self.scene) else CLOSER
         change = functools.partial(changes, self.scene, state.layout)
         self.end = refined(state.problem, state.discrete, change, self.wanted, self.work, closer=closer)
         fine = self.end.discrete

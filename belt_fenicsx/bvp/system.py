@@ -342,11 +342,11 @@ class _Rows:
         def function(v: Array) -> Array:
             *ends, scalars = np.split(v, np.cumsum(cuts))
             c, moves = scalars[0], scalars[1:]
-            seen = [
+            at_ends = [
                 End(own[:-1], own[-1], problem.equations(part, moves))
                 for own, (part, _) in zip(ends, condition.ends, strict=True)
             ]
-            return condition.function(seen, c)[None]
+            return condition.function(at_ends, c)[None]
 
         v = np.array(z)[:, None, None]
         if not self.derivatives:

@@ -1,1 +1,1 @@
-"""Finite elements whose nodes move with the borders of the zones."""
+"""Finite elements whose nodes move with the joints of the zones."""

@@ -40,7 +40,7 @@ class Mesh:
 
     @functools.cached_property
     def ends(self) -> Array:
-        """Nodes at the borders between zones ``(len(counts) - 1,)``."""
+        """Nodes at the joints between zones ``(len(counts) - 1,)``."""
         return np.cumsum(self.counts)[:-1]
 
     def cells(self, index: int) -> slice:
@@ -103,7 +103,7 @@ class Mesh:
 
 
 @functools.lru_cache(maxsize=64)
-def once(mesh: Mesh, count: int) -> tuple[Array, Array]:
+def distinct_points(mesh: Mesh, count: int) -> tuple[Array, Array]:
     """``count`` points in each cell, but those that two cells of a zone share only for the first of them.
 
     Returns:

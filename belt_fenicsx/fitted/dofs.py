@@ -1,6 +1,6 @@
 """Degrees of freedom of the fitted method: those of one cell, and which unknowns of the whole belt they are.
 
-The map sigma(eta) is no unknown of its own: a cell's sigma stands for the borders at both ends of its zone.
+The map sigma(eta) is no unknown of its own: a cell's sigma stands for the joints at both ends of its zone.
 
 All of a cell's pressures and frictions are too many to be eliminated with it, as there is one more Gauss point than
 inner nodes; so those of the middle Gauss point are shared, as those of the cell's ends are.
@@ -44,8 +44,6 @@ class Terms:
 def terms_of(scene: Scene) -> Terms:
     """The terms that a scene needs."""
     friction = any(pulley.friction > 0.0 for pulley in scene.pulleys)
-    if scene.is_published:
-        return Terms(friction)
     speeds = sum(pulley.drive.kind == "omega" for pulley in scene.pulleys)
     loads = scene.has_inertia or (scene.transport_rate is None and speeds > 1)
     special = any(p.take_up or p.drag or p.drive.kind == "slip_angle" for p in scene.pulleys)
@@ -88,7 +86,7 @@ class Local:
         return np.array([number[self.p], number[self.f]][: 1 + friction])
 
     def scalars(self, loads: bool) -> Array:
-        """The borders of the zone and the stretch in stick; transport rate and take-up of the pulley ``(3 or 5,)``."""
+        """The joints of the zone and the stretch in stick; transport rate and take-up of the pulley ``(3 or 5,)``."""
         return np.arange(self.sigma.start, self.move.stop if loads else self.D.stop)
 
 
@@ -142,10 +140,10 @@ class Table:
         chain: What couples each cell with the next ones: its left node, its shared tractions, its right node
             ``(n, 3 + 1 or 2 + 3)``.
         chains: The cells of each pulley, in the direction of travel.
-        scalars: What couples all cells of a pulley: borders of zones, stretches in stick, transport rate, take-ups.
-        borders: The borders among them; in a loop, the last one is where it begins.
+        scalars: What couples all cells of a pulley: joints of zones, stretches in stick, transport rate, take-ups.
+        joints: The joints among them; in a loop, the last one is where it begins.
         loose: In a loop, the scalar for which there is no equation: instead, the loop begins where it does.
-        sigma: The dofs of a cell that stand for the borders of its zone.
+        sigma: The dofs of a cell that stand for the joints of its zone.
         patterns: Groups of cells, and how their dofs are eliminated; each cell is in one of them.
     """
 
@@ -155,7 +153,7 @@ class Table:
     chain: Array
     chains: tuple[Array, ...]
     scalars: Array
-    borders: Array
+    joints: Array
     loose: int | None
     sigma: slice
     patterns: tuple[tuple[Array, Pattern], ...]
@@ -195,12 +193,12 @@ def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -
         len(moving),
     ]  # fmt: skip
     ends = itertools.accumulate(counts, initial=0)
-    nodes, tractions, borders, stretches, rate, moves = (np.arange(*pair) for pair in itertools.pairwise(ends))
+    nodes, tractions, joints, stretches, rate, moves = (np.arange(*pair) for pair in itertools.pairwise(ends))
     fixed = sum(counts)
     numbers = np.full((n, width(degree, terms.loads)), fixed)
     numbers[1:, left] = numbers[:-1, right] = nodes[: NODE * (n - 1)].reshape(-1, NODE)
     numbers[np.ix_(contact, middle)] = tractions.reshape(-1, middle.size)
-    around = [borders[-1], *borders] if layout.closed else [fixed, *borders, fixed]
+    around = [joints[-1], *joints] if layout.closed else [fixed, *joints, fixed]
     numbers[:, at.sigma] = np.array(around)[mesh.zone[:, None] + [0, 1]]
     numbers[:, at.D] = stretches[mesh.pulley][:, None]
     if layout.closed:
@@ -219,10 +217,8 @@ def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -
     order = np.roll(np.arange(n), np.count_nonzero(mesh.pulley[mesh.zone == mesh.zone[-1]] == 0) * layout.closed)
     chains = tuple(order[mesh.pulley[order] == pulley] for pulley in layout.pulleys)
     loose = loose_joint(layout, terms.loads)
-    without = rate[0] if rated else None if loose is None else borders[loose]
-    return Table(
-        numbers, fixed, count, chain, chains, np.arange(borders[0], fixed), borders, without, at.sigma, patterns
-    )
+    without = rate[0] if rated else None if loose is None else joints[loose]
+    return Table(numbers, fixed, count, chain, chains, np.arange(joints[0], fixed), joints, without, at.sigma, patterns)
 
 
 def _patterns(mesh: Mesh, degree: int, terms: Terms) -> tuple[tuple[Array, Pattern], ...]:

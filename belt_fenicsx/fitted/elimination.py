@@ -1,7 +1,7 @@
 """Linear algebra of the fitted method: a Newton step from the Jacobians of single cells.
 
 What a cell hides from its neighbours is eliminated first, all cells of a kind at once, by dense factorisations with
-pivoting. What is left couples the nodes and the few scalars of each pulley, borders and the stretch in stick. On many
+pivoting. What is left couples the nodes and the few scalars of each pulley, joints and the stretch in stick. On many
 cells, the node between two of them is eliminated next, all pairs at once, then that between two pairs, and so on: the
 cost grows with the number of cells, not with its power. The tractions that the first of a pair leaves go with the node
 between. Of several pulleys, each then hides all but its two ends, which is a belt over one pulley between clamps. The
@@ -97,7 +97,7 @@ class Condensed:
         self.cells = self._all[:, : dofs * dofs].reshape(n, dofs, dofs), self._all[:, dofs * dofs :]
         self._levels, self._dense = levels(table)
         if table.loose is not None:
-            self._loose, self._begin = np.searchsorted(self._dense, [table.loose, table.borders[-1]])
+            self._loose, self._begin = np.searchsorted(self._dense, [table.loose, table.joints[-1]])
 
     def residual_norm(self) -> float:
         """Norm of the assembled residual."""
@@ -105,16 +105,16 @@ class Condensed:
         assembled[self.table.fixed] = 0.0
         return float(np.linalg.norm(assembled))
 
-    def step(self, *, held: bool = False) -> tuple[Array, Array]:
+    def step(self, *, fixed_joints: bool = False) -> tuple[Array, Array]:
         """Solves for the step that takes the linearised residual to zero.
 
         Args:
-            held: Whether the borders stay where they are, whatever their conditions say; not in a loop.
+            fixed_joints: Whether the joints stay where they are, whatever their conditions say; not in a loop.
 
         Returns:
             The step of each cell's dofs ``(n, m)``, and of the scalars.
         """
-        if held:
+        if fixed_joints:
             self._hold()
         entries, eliminated = self._all, []
         for level in self._levels:
@@ -140,12 +140,12 @@ class Condensed:
         return unknowns[self.table.numbers], unknowns[self.table.scalars]
 
     def _hold(self) -> None:
-        """Puts in place of the borders' equations that they stay."""
+        """Puts in place of the joints' equations that they stay."""
         jacobians, residuals = self.cells
         sigma = self.table.sigma
         jacobians[:, sigma], residuals[:, sigma] = 0.0, 0.0
-        for border in range(sigma.start, sigma.stop):
-            jacobians[:, border, border] = 1.0
+        for joint in range(sigma.start, sigma.stop):
+            jacobians[:, joint, joint] = 1.0
 
 
 def levels(table: Table) -> tuple[list[Level], Array]:

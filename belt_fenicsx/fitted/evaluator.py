@@ -89,7 +89,7 @@ class Evaluator:
 
         Args:
             sigma: Coordinates in the belt ``(m,)`` [m].
-            before: Whether a border between zones belongs to the zone before it instead of the zone after it.
+            before: Whether a joint between zones belongs to the zone before it instead of the zone after it.
         """
         # It loads UFL and Basix, which a file is read without.
         from belt_fenicsx.fitted.reading import fields_at

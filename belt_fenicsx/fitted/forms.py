@@ -1,11 +1,11 @@
 """The fitted method in UFL: one set of forms for each degree and kind of scene, which serves every list of zones.
 
 All cells are unit cells (eta). Their map to the belt is an unknown like the others: sigma(eta), piecewise linear, whose
-values at the borders of zones are free. So are the stretch in stick, one for each pulley, and in contact the pressure p
+values at the joints of zones are free. So are the stretch in stick, one for each pulley, and in contact the pressure p
 and the friction f; with loads, the transport rate c and the displacements of pulleys. Everything that tells zones,
 pulleys and scenes apart is data: the belt's stiffnesses are constants, what a cell lies on are values of this cell, and
 one-sided values at its nodes switch equations on. The derivative of the residual in the direction of sigma is what
-moves the borders.
+moves the joints.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ CHORD = (
 # take-up.
 PULLEY = ("R", "mu", "side", "given")
 MORE = ("drag", "way_x", "way_y", "force_along")
-SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "stretch", "grip", "force")
-MORE_SWITCHES = ("behind", "angle", "once")
+SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "stretch", "surface", "force")
+MORE_SWITCHES = ("behind", "angle", "take_up")
 
 
 def constants_of(terms: Terms) -> tuple[str, ...]:
@@ -166,7 +166,7 @@ def residual(
     degree: int,
     terms: Terms,
 ) -> ufl.Form:
-    """Equilibrium and the conditions of contact at the Gauss points, and those of the borders at the cell's ends."""
+    """Equilibrium and the conditions of contact at the Gauss points, and those of the joints at the cell's ends."""
     at_gauss_points = ufl.dx(metadata={"quadrature_degree": 2 * degree - 1, "quadrature_rule": "default"})
     at_ends = ufl.dx(
         metadata={
@@ -190,7 +190,7 @@ def residual(
     belt = belt_of(unknown, u, cell, rod_data)
     # Two integrals, each with one integrand: UFL's work for each of them is what a first solve waits for.
     inside = equilibrium(unknown, u, v, belt, cell, rod_data) + contact_conditions(u, v, belt, on, cell)
-    return inside * at_gauss_points + border_conditions(u, v, belt, on, cell, rod_data, terms) * at_ends
+    return inside * at_gauss_points + joint_conditions(u, v, belt, on, cell, rod_data, terms) * at_ends
 
 
 def belt_of(unknown: ufl.Coefficient, u: Unknowns, cell: SimpleNamespace, rod_data: SimpleNamespace) -> Belt:
@@ -260,7 +260,7 @@ def contact_conditions(u: Unknowns, v: Unknowns, belt: Belt, on: SimpleNamespace
     return lies + v.f * (on.stick * (belt.e - u.e) + slides) + v.e * resultant + v.move * pushed
 
 
-def border_conditions(
+def joint_conditions(
     u: Unknowns,
     v: Unknowns,
     belt: Belt,
@@ -269,18 +269,18 @@ def border_conditions(
     rod_data: SimpleNamespace,
     terms: Terms,
 ) -> Expr:
-    """What places each border, and what the stretch in stick follows from: one equation for each scalar.
+    """What places each joint, and what the stretch in stick follows from: one equation for each scalar.
 
     run-up, run-off   (r - C).t = 0: no concentrated force
-    other borders     x = x_trans,  c D_stick = R omega,  D = D_stick  or  f = -s mu p, of the stick next to it
-    stretch in stick  D = D_stick  where the belt grips the pulley,  int f dsigma = -(torque + drag omega) / R
+    other joints     x = x_trans,  c D_stick = R omega,  D = D_stick  or  f = -s mu p, of the stick next to it
+    stretch in stick  D = D_stick  where the belt has the pulley's speed,  int f dsigma = -(torque + drag omega) / R
                       or  int D / R dsigma = slip angle
     take-up           the force along its way
     """
-    borders = v.sigma * on.tangent * ufl.dot(belt.r, belt.t)
-    stretch = v.e * on.grip * (1 - on.force) * (belt.e - u.e)
+    joints = v.sigma * on.tangent * ufl.dot(belt.r, belt.t)
+    stretch = v.e * on.surface * (1 - on.force) * (belt.e - u.e)
     if not terms.friction:
-        return borders + stretch - v.move * on.once * cell.force_along
+        return joints + stretch - v.move * on.take_up * cell.force_along
     weight, square = _weight(rod_data), u.rate**2
     a, b1, b2, mass = rod_data.a - square * rod_data.inertia, rod_data.b1, rod_data.b2, square * rod_data.density
     own_weight = ufl.dot(belt.e1, weight), ufl.dot(belt.e2, weight)
@@ -296,14 +296,14 @@ def border_conditions(
         offset=belt.offset,
         weight=own_weight,
     )
-    borders += v.sigma * (
+    joints += v.sigma * (
         on.x * (belt.r[0] - cell.given)
         + on.speed * (u.e + (u.rate - 1) * (1 + u.e) - cell.given)
         + on.coulomb * (f + on.sense * cell.mu * p)
         + on.stretch * (belt.e - u.e)
     )
-    by_integral = v.e * (on.grip * on.force * (cell.given - cell.drag * u.rate * (1 + u.e)) + on.angle * cell.given)
-    return borders + stretch - by_integral - v.move * on.once * cell.force_along
+    by_integral = v.e * (on.surface * on.force * (cell.given - cell.drag * u.rate * (1 + u.e)) + on.angle * cell.given)
+    return joints + stretch - by_integral - v.move * on.take_up * cell.force_along
 
 
 def _weight(rod_data: SimpleNamespace) -> Expr:

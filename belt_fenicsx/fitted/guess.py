@@ -43,7 +43,7 @@ def _pressed(scene: Scene, string: TautString) -> tuple[float, float] | None:
     Within its bending layer, the belt comes from the clamp to the pulley as a cubic parabola, whatever its tension: it
     goes down by the clamp's distance from the pulley, and turns by the angle from the clamp's direction to the tangent.
     """
-    pulley, layer = scene.pulleys[0], bending_layer(scene, float(np.mean(string.strain)))
+    (pulley,), layer = scene.pulleys, bending_layer(scene, float(np.mean(string.strain)))
     angles = [float(string.angles[0]), float(string.angles[-1])]
     pressed = False
     for end, sign in enumerate((1.0, -1.0)):

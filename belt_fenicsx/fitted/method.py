@@ -49,7 +49,7 @@ def solve(
     options: Mapping[str, Any] = MappingProxyType({}),
     initial: Solution | None = None,
 ) -> Solution:
-    """Solves a scene by finite elements whose nodes move with the borders of the zones.
+    """Solves a scene by finite elements whose nodes move with the joints of the zones.
 
     Args:
         scene: The scene.

@@ -88,15 +88,17 @@ class Iteration:
         self._shape = self._nodes * (1.0 - self._nodes)
         self._touches, self._mesh = mesh.touches.astype(float), mesh
 
-    def load(self, scene: Scene, state: State, arrived: float, *, held: bool = False, monitored: bool = False) -> None:
+    def load(
+        self, scene: Scene, state: State, arrived: float, *, fixed_joints: bool = False, monitored: bool = False
+    ) -> None:
         """Sets the parameters of a scene, the state to start from, and when to end.
 
         Args:
             scene: The dimensionless scene.
             state: Where it starts.
-            arrived: Largest step of a border, in lengths of the shortest cell, or of the stretch in stick, at which the
+            arrived: Largest step of a joint, in lengths of the shortest cell, or of the stretch in stick, at which the
                 iteration ends.
-            held: Whether the first step holds the borders, so that all others know the forces that move them.
+            fixed_joints: Whether the first step holds the joints, so that all others know the forces that move them.
             monitored: Whether the norm of the residual is asked for.
         """
         self._constants[:] = constants(scene, state.terms)
@@ -105,7 +107,7 @@ class Iteration:
         # On this radius runs the middle line.
         self._radius = self.pulleys[:, 0] + scene.belt.contact_offset
         self._square = self._radius[:, None].astype(np.longdouble) ** 2
-        self._arrived, self._held = arrived, held
+        self._arrived, self._fixed_joints = arrived, fixed_joints
         self._monitored = monitored or logger.isEnabledFor(logging.INFO)
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._share = state.cells[:, 1] - state.cells[:, 0]
@@ -125,19 +127,19 @@ class Iteration:
             if self._monitored:
                 snes.monitor(iteration, residual)
             self.jacobians()
-            held = self._held and iteration == 0
-            step, scalars = self.linear_step(held)
+            fixed_joints = self._fixed_joints and iteration == 0
+            step, scalars = self.linear_step(fixed_joints)
             change = float(np.abs(scalars).max())
             snes.setIterationNumber(iteration + 1)
             if not math.isfinite(change):
                 return snes.setConvergedReason(reasons.DIVERGED_LINEAR_SOLVE)
-            step, shortening = self._move_borders(step, scalars[: self.condensed.table.borders.size])
+            step, shortening = self._move_joints(step, scalars[: self.condensed.table.joints.size])
             if self._monitored:
-                borders = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
-                numbers = iteration, residual, change, borders
-                logger.info("iteration %d: residual %.1e, step %.1e, borders %s Ls", *numbers)
+                joints = " ".join(f"{end:.6f}" for end in self.ends[1:-1])
+                numbers = iteration, residual, change, joints
+                logger.info("iteration %d: residual %.1e, step %.1e, joints %s Ls", *numbers)
             shortest = self.values[:, self._length].min()
-            arrived = change <= self._arrived * shortest and shortening <= SETTLED and not held
+            arrived = change <= self._arrived * shortest and shortening <= SETTLED and not fixed_joints
             self._move_nodes(step, bent=shortening > STRAIGHT and not arrived)
             if arrived:
                 return snes.setConvergedReason(reasons.CONVERGED_SNORM_RELATIVE)
@@ -166,7 +168,7 @@ class Iteration:
         self._parabolas = bulge * self._shape
         self._deviation -= self._parabolas
 
-    def linear_step(self, held: bool) -> tuple[Array, Array]:
+    def linear_step(self, fixed_joints: bool) -> tuple[Array, Array]:
         """The step of each cell's dofs, but for sigma, and of the scalars; not finite where there is none."""
         jacobians, sigma = self.condensed.cells[0], self._sigma
         # Equations depend on sigma by its slope alone; so a derivative by an end of the zone is as large a part of that
@@ -174,7 +176,7 @@ class Iteration:
         for end in (sigma.start, sigma.stop - 1):
             jacobians[:, :, end] *= self._share[:, None]
         try:
-            step, scalars = self.condensed.step(held=held)
+            step, scalars = self.condensed.step(fixed_joints=fixed_joints)
         except np.linalg.LinAlgError:
             return np.full(self.values.shape, math.nan), np.full(1, math.nan)
         step[:, sigma] = 0.0
@@ -205,15 +207,15 @@ class Iteration:
         self.chords[:, 13] = squares[:, 1] - 2.0 * over[:, 0]
         self.chords[:, 14] = over[:, 1]
 
-    def _move_borders(self, step: Array, borders: Array) -> tuple[Array, float]:
-        """Moves the borders by a step, shortened where one would come too close to the next one.
+    def _move_joints(self, step: Array, joints: Array) -> tuple[Array, float]:
+        """Moves the joints by a step, shortened where one would come too close to the next one.
 
         Returns:
             The step of the cells, shortened alike, and the largest part that the full step takes from a zone.
         """
         way = np.zeros(self.ends.size)
         # A loop begins where it does.
-        way[1:-1] = borders[: way.size - 2]
+        way[1:-1] = joints[: way.size - 2]
         shortening = float(((way[:-1] - way[1:]) / (self.ends[1:] - self.ends[:-1])).max())
         if shortening > LARGEST_STEP:
             step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
@@ -247,9 +249,9 @@ class Iteration:
     def _onto_pulleys(self, straight: Array) -> Array:
         """The way of nodes, bent to the pulley where they move on it; free zones follow the ends of the others.
 
-        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a border moves
+        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a joint moves
         through a short zone, the pressure and the friction that would mend this are larger than those by which the next
-        step has to place the border.
+        step has to place the joint.
 
         Args:
             straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
@@ -303,7 +305,7 @@ class Newton:
         # With this object, and at the latest when Python ends: PETSc ends after it, when the iteration is gone.
         weakref.finalize(self, self.snes.destroy)
 
-    def solve(self, scene: Scene, start: State, arrived: float, *, held: bool = False) -> tuple[State, int]:
+    def solve(self, scene: Scene, start: State, arrived: float, *, fixed_joints: bool = False) -> tuple[State, int]:
         """Iterates until a step is below ``arrived``, and small against the zones that it shortens.
 
         Returns:
@@ -312,7 +314,7 @@ class Newton:
         with TURNS:
             moving = tuple(index for index, pulley in enumerate(scene.pulleys) if pulley.take_up)
             iteration = iteration_on(start.mesh, start.degree, start.terms, moving)
-            iteration.load(scene, start, arrived, held=held, monitored=self._monitored)
+            iteration.load(scene, start, arrived, fixed_joints=fixed_joints, monitored=self._monitored)
             self.snes.setPythonContext(iteration)
             self.snes.solve(None, self._x)
             iterations = self.snes.getIterationNumber()
@@ -360,7 +362,7 @@ def given(pulley: Pulley) -> float:
         case "slip_angle":
             return pulley.drive.by("slip_angle")
         case _:
-            # Where the belt sticks or slides all along, no border lies at a given place.
+            # Where the belt sticks or slides all along, no joint lies at a given place.
             return pulley.x_trans - pulley.center[0] if isinstance(pulley.x_trans, float) else 0.0
 
 
@@ -382,14 +384,14 @@ def switches(mesh: Mesh, terms: Terms) -> Array:
             # Friction in stick is that of the sliding before it, but opposes the sliding that begins after it.
             on[here][column["sense"]] = -parts[after].sense if joint.side == BEFORE else parts[before].sense
     for pulley, speed in zip(layout.pulleys, layout.speeds, strict=True):
-        grip = mesh.cells(speed.grip % len(parts)).stop - 1, 1
-        on[grip][column["grip"]] = 1.0
+        place = mesh.cells(speed.joint % len(parts)).stop - 1, 1
+        on[place][column["surface"]] = 1.0
         on[mesh.pulley == pulley, :, column["force"]] = speed.equation == "torque"
         if terms.loads:
-            on[grip][column["once"]] = 1.0
+            on[place][column["take_up"]] = 1.0
             transition = layout.transition(pulley)
             if layout.joints[transition].equation == "angle":
-                on[grip][column["grip"]], on[grip][column["angle"]] = 0.0, 1.0
+                on[place][column["surface"]], on[place][column["angle"]] = 0.0, 1.0
                 behind = slice(mesh.cells(transition).stop, mesh.cells(layout.on(pulley)[-1]).stop)
                 on[behind, :, column["behind"]] = 1.0
     return on

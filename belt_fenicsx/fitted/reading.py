@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.fitted.cells import once
+from belt_fenicsx.fitted.cells import distinct_points
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.state import POINTS, State, tables
 from belt_fenicsx.layout.arrays import Array, vectors
@@ -24,7 +24,7 @@ def samples(scene: Scene, state: State) -> Samples:
     parts = [sample(state, i) if part.touches else None for i, part in enumerate(state.layout.parts)]
     forces_on = (state.pressure_forces, state.friction_forces, state.doubts)
     resultants = zip(*(forces.tolist() for forces in forces_on), strict=True)
-    pulleys = [Resultants(*grip(scene, state, index), *forces) for index, forces in enumerate(resultants)]
+    pulleys = [Resultants(*speed_at(scene, state, index), *forces) for index, forces in enumerate(resultants)]
     return Samples(ends=state.ends, parts=tuple(parts), pulleys=tuple(pulleys), rate=state.rate)
 
 
@@ -32,22 +32,22 @@ def sample(state: State, index: int) -> Sample:
     """Fields densely along a part, with the x of the touching fibre."""
     cells, dense = state.mesh.cells(index), state.dense
     # Where cells meet, a point counts once.
-    once = np.append(np.arange((cells.stop - cells.start) * POINTS).reshape(-1, POINTS)[:, :-1], -1)
+    distinct = np.append(np.arange((cells.stop - cells.start) * POINTS).reshape(-1, POINTS)[:, :-1], -1)
 
     def keeping() -> Array:
         on = np.arange(cells.start, cells.stop)[:, None]
         own = dense.strain[cells], dense.kappa[cells], dense.theta[cells]
-        return state.tractions(on, *own, sense=np.nan)[1].ravel()[once]
+        return state.tractions(on, *own, sense=np.nan)[1].ravel()[distinct]
 
     x = dense.r.real[cells]
     if state.terms.offset:
         x = x + state.offsets[cells, None] * np.sin(dense.theta[cells])
     along = (dense.sigma[cells], x, dense.p[cells], dense.f[cells], dense.D[cells])
-    sigma, x, p, f, D = (field.ravel()[once] for field in along)
+    sigma, x, p, f, D = (field.ravel()[distinct] for field in along)
     return Sample(sigma, x, p, f, D, keeping)
 
 
-def grip(scene: Scene, state: State, index: int) -> tuple[float, float]:
+def speed_at(scene: Scene, state: State, index: int) -> tuple[float, float]:
     """Stretch D and place x at which the belt leaves a pulley's speed, or is nearest to it in pure slip."""
     layout = state.layout
     if index not in state.mesh.sliding or scene.pulleys[index].friction == 0.0:
@@ -80,7 +80,7 @@ def surface_stretches(scene: Scene, state: State) -> Array:
     for index in state.mesh.sliding:
         pulley = scene.pulleys[index]
         driven = pulley.drive.kind == "omega"
-        stretches[index] = pulley.surface_speed / state.rate if driven else grip(scene, state, index)[0]
+        stretches[index] = pulley.surface_speed / state.rate if driven else speed_at(scene, state, index)[0]
     return stretches
 
 
@@ -89,7 +89,7 @@ def sliding(scene: Scene, state: State, cell: Array, D: Array) -> Array:
     return state.rate * (D - surface_stretches(scene, state)[state.mesh.pulley[cell]])
 
 
-def holds(scene: Scene, state: State) -> bool:
+def friction_suffices(scene: Scene, state: State) -> bool:
     """Whether friction holds at all Gauss points of stick, so that a coarse state calls for no other layout."""
     at, sticks = local(state.degree), state.mesh.sticks
     values, friction = state.values[sticks], state.pulleys[1, sticks, None]
@@ -103,7 +103,7 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
         scene: The dimensionless scene.
         state: The state.
         sigma: Coordinates in the belt ``(m,)``.
-        before: Whether a border between zones belongs to the zone before it instead of the zone after it.
+        before: Whether a joint between zones belongs to the zone before it instead of the zone after it.
     """
     sigma = np.asarray(sigma, dtype=float)
     cell, xi = state.located(sigma, before=before)
@@ -118,12 +118,12 @@ def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) ->
 
 
 def fields(scene: Scene, state: State) -> Fields:
-    """Fields at even points of each cell; the borders between zones appear once for each side."""
+    """Fields at even points of each cell; the joints between zones appear once for each side."""
     mesh, dense = state.mesh, state.dense
     weight = state.length[:, None] * tables(state.degree)[3]
     inner = ~mesh.begins[1:]
     weight[:-1, -1][inner] += weight[1:, 0][inner]
-    points, zone = once(mesh, POINTS)
+    points, zone = distinct_points(mesh, POINTS)
     sigma, r, strain, D, theta, kappa, p, f, weight = (field.ravel()[points] for field in (*dense, weight))
     cell = points // POINTS
     return Fields.from_state(

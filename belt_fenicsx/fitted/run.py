@@ -26,7 +26,7 @@ from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, coarse, estimate
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
-from belt_fenicsx.fitted.reading import holds, samples
+from belt_fenicsx.fitted.reading import friction_suffices, samples
 from belt_fenicsx.fitted.state import State, from_fields
 from belt_fenicsx.fitted.state import from_drive as state_of_drive
 from belt_fenicsx.layout.arrays import Array
@@ -39,6 +39,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
 from belt_fenicsx.search.drives import divide_stick, solve_driven
 from belt_fenicsx.search.find import attempt, layout_of, limit
+from belt_fenicsx.search.limits import leaves_transition
 from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
@@ -131,7 +132,7 @@ class Run:
         left = self.most - self.stages.iterations
         return replace(self, scene=scene, stages=Stages(), most=left, known=None)
 
-    def newton(self, state: State, why: str, *, arrived: float = ARRIVED, held: bool = False) -> State:
+    def newton(self, state: State, why: str, *, arrived: float = ARRIVED, fixed_joints: bool = False) -> State:
         """Newton's iteration from a state, with elements of its degree; its first step may hold the joints.
 
         Raises:
@@ -144,7 +145,7 @@ class Run:
                 "Start from a solution nearby (`initial`)."
             )
             raise Stopped(Status.NEWTON_DIVERGED, message)
-        result, iterations = self.solver.solve(self.scene, state, arrived, held=held)
+        result, iterations = self.solver.solve(self.scene, state, arrived, fixed_joints=fixed_joints)
         self.stages.ran(f"degree {state.degree}", why, abs(iterations))
         if iterations <= 0:
             raise NotConverged(f"At degree {state.degree}, after {-iterations} iterations from {why}.", result)
@@ -184,7 +185,7 @@ class Run:
             on = state.layout.on(index)
             if state.ends[on[-1] + 1] - state.ends[on[0]] < SHORTEST * pulley.radius:
                 return False
-        return state.degree == LOWEST or not lifts(state)
+        return state.degree == LOWEST or not lifts_off(state)
 
     def samples(self, state: State) -> Samples:
         """What a state says about its layout."""
@@ -211,8 +212,8 @@ class Run:
         finer = self.newton(start, "the degree before", arrived=CLOSE if start.degree >= last else ARRIVED)
         if before is not None and finer.length.min() < SHORT:
             finer = self.newton(finer, "short cells, in which one step is not enough", arrived=CLOSE)
-        if lifts(finer):
-            raise Stopped(Status.NOT_ADMISSIBLE, lifted(self, finer))
+        if lifts_off(finer):
+            raise Stopped(Status.NOT_ADMISSIBLE, lift_off_message(self, finer))
         at_last, change_before = finer.degree >= highest, 0.0 if same is None else same.accuracy.change_of_p
         if finer.degree < last:
             accuracy = coarse(start, finer)
@@ -230,7 +231,7 @@ class Run:
         state, unsettled = accuracy.state, accuracy.change_of_p > COARSEST
         final = state.degree >= last and (accuracy.known or state.degree == self.degree)
         due = before is None or not (unsettled or before.judged)
-        early = due and (state.degree >= last or not holds(self.scene, state))
+        early = due and (state.degree >= last or not friction_suffices(self.scene, state))
         if early or (final and state.degree < HIGHEST and self.degree is None):
             breach = max(TOLERANCE if final else BREACH, accuracy.change_of_p)
             return Known(accuracy, final, trusted(breach), judged=not unsettled)
@@ -268,13 +269,13 @@ def trusted(breach: float) -> Tolerances:
     return Tolerances(shrunk=0.0, bound=breach, sense=breach, furthest=FURTHEST)
 
 
-def lifts(state: State) -> bool:
+def lifts_off(state: State) -> bool:
     """Whether the pressure is so negative in contact that no error explains it."""
     p = state.values[:, local(state.degree).p]
     return bool(p.min() < -NEGATIVE * p.max())
 
 
-def lifted(run: Run, state: State) -> str:
+def lift_off_message(run: Run, state: State) -> str:
     """What negative pressure inside of the contact means."""
     dense = state.dense
     x = float(dense.r.real.flat[np.argmin(dense.p)]) * run.units.length
@@ -284,11 +285,11 @@ def lifted(run: Run, state: State) -> str:
     )
 
 
-def from_string(run: Run, *, held: bool = False) -> State:
-    """From the string; by a first step that bends the belt, where the joints are held in it."""
+def from_string(run: Run, *, fixed_joints: bool = False) -> State:
+    """From the string; by a first step that bends the belt, where the joints are fixed in it."""
     guess, pressed = string_guess(run.scene, run.elements)
     run.stages.ran("taut string", "first guess")
-    return run.newton(guess, "the taut string", held=held or pressed)
+    return run.newton(guess, "the taut string", fixed_joints=fixed_joints or pressed)
 
 
 def from_drive(run: Run, degree: int) -> State:
@@ -324,7 +325,7 @@ def from_softer_drive(run: Run) -> State:
             )
         except Stopped:
             found = state
-        if found is not state and not lifts(found):
+        if found is not state and not lifts_off(found):
             state, factor = found, stiffer
         elif (growth := math.sqrt(growth)) < LEAST_GROWTH:
             raise Stopped(Status.NEWTON_DIVERGED, f"From a belt of {factor:.3g} of the stiffness no step leads on.")
@@ -336,7 +337,7 @@ def from_softer(run: Run) -> State:
     belt = run.scene.belt
     assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
     softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
-    state = from_string(replace(run, scene=replace(run.scene, belt=softer)), held=True)
+    state = from_string(replace(run, scene=replace(run.scene, belt=softer)), fixed_joints=True)
     return run.newton(run.transfer(state, posed(run.scene), state.ends), "a belt that bends more easily")
 
 
@@ -365,18 +366,17 @@ def from_solution(run: Run, initial: Solution, degree: int) -> State:
 
 
 DRIVE: tuple[Start, ...] = (functools.partial(from_drive, degree=FIRST), from_softer_drive)
-STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, held=True), from_softer)
+STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, fixed_joints=True), from_softer)
 
 
 def ways(run: Run, initial: Solution | None) -> list[Start]:
     """Ways to a coarse state, of which each is for scenes in which those before it fail."""
-    pulley = run.scene.pulleys[0]
     warm: list[Start] = []
     if initial is not None:
         degrees = WARM if initial.method == METHOD else RESCUE
         warm += [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
     if not run.scene.is_published:
         return [*warm, solve_several]
-    if pulley.drive.kind != "x_trans" and pulley.friction > 0.0:
+    if leaves_transition(run.scene):
         return [*warm, solve_driven]
     return [*warm, *STRING, *([from_stick] if posed(run.scene).slides_behind(0) else [])]

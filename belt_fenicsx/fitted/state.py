@@ -326,9 +326,9 @@ class State:
         return replace(self, degree=degree, values=self.values @ prolongation(self.degree, degree, self.terms.loads))
 
     def located(self, sigma: Array, *, before: bool = False) -> tuple[Array, Array]:
-        """Cell and reference coordinate of points; at a border, those of the cell after it, or before it.
+        """Cell and reference coordinate of points; at a joint, those of the cell after it, or before it.
 
-        A border that was turned into other units and back is still that border.
+        A joint that was turned into other units and back is still that joint.
         """
         left = self.sigma[:, 0]
         same = -ROUNDING if before else ROUNDING
@@ -388,7 +388,7 @@ def _blank(scene: Scene, layout: Layout, ends: Array, strain: float, degree: int
 
 
 def _drive(state: State, driven: Driven) -> None:
-    """Sets the scalars that are no borders."""
+    """Sets the scalars that are no joints."""
     at, pulley, rate = local(state.degree), state.mesh.pulley, state.scene.transport_rate
     state.values[:, at.D] = driven.elongations[pulley, None]
     if state.terms.loads:
@@ -436,8 +436,8 @@ def from_string(scene: Scene, string: TautString, layout: Layout, degree: int, e
         elements: Number of cells; by default, as many as the layers call for.
     """
     half = scene.belt.length / 2
-    borders = string.borders if len(layout.joints) == 3 else string.borders[[0, 2]]
-    ends = np.array([-half, *borders, half])
+    joints = string.joints if len(layout.joints) == 3 else string.joints[[0, 2]]
+    ends = np.array([-half, *joints, half])
     state = _blank(scene, layout, ends, float(np.mean(string.strain)), degree, elements)
     nodes, sigma = points(degree)[0], state.sigma
     inside = (sigma[:, :1] + state.length[:, None] * nodes).ravel()

@@ -125,7 +125,7 @@ def _read(
     number = np.array([part.pulley if part.touches else -1 for part in parts])[zone]
     pushed = points.weight * points.f
     torques = [-pulley.radius * float(pushed[number == i].sum()) for i, pulley in enumerate(scene.pulleys)]
-    contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, borders=borders)
+    contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, zone_ends=borders)
     contacts = tuple(_placed(contact, scene.pulleys[contact.pulley]) for contact in contacts)
     return {"transport_rate": rate, "contacts": contacts, "zones": zones, "fields": fields}
 

@@ -44,7 +44,7 @@ def from_string(scene: Scene, nodes: Array, points: Array) -> Guess:
     string, radius = taut_string(scene), scene.pulleys[0].radius
     if string is None:
         raise Stopped(Status.CONTACT_LOST, "the taut string does not touch the pulley")
-    up, off = string.borders[0], string.borders[-1]
+    up, off = string.joints[0], string.joints[-1]
     D, phi = string.D(nodes), string.phi(nodes)
     kappa = np.where((up <= nodes) & (nodes <= off), -D / radius, 0.0)
     tension = scene.belt.extensional_stiffness * float(np.mean(string.strain))

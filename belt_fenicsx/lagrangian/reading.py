@@ -53,7 +53,7 @@ def answer(scene: Scene, state: State, multipliers: Multipliers) -> dict[str, An
     (contact,) = contacts_of(
         scene, zones, fields, rate=1.0, omegas=(speed / pulley.radius,),
         torques=(float(-pulley.radius * np.sum(state.weight * multipliers.f)),),
-        borders=places(path([zone.sigma for zone in zones]).reshape(-1, 2)).reshape(-1, 2),
+        zone_ends=places(path([zone.sigma for zone in zones]).reshape(-1, 2)).reshape(-1, 2),
     )  # fmt: skip
     contacts = (replace(contact, x_trans=x_trans),)
     return {"transport_rate": 1.0, "contacts": contacts, "zones": zones, "fields": fields}

@@ -42,13 +42,13 @@ class Speed:
     """The equation for the surface speed of a pulley, which the belt has where it sticks.
 
     Attributes:
-        equation: ``"stretch"`` (the belt's stretch before the joint `grip` is the one that goes with this speed) or
+        equation: ``"stretch"`` (the belt's stretch before this joint is the one that goes with this speed) or
             ``"torque"`` (friction has the scene's torque).
-        grip: Index of the joint at which the belt first has the pulley's speed.
+        joint: Index of the joint at which the belt first has the pulley's speed.
     """
 
     equation: Literal["stretch", "torque"]
-    grip: int
+    joint: int
 
 
 @dataclass(frozen=True)

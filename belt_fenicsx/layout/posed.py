@@ -53,14 +53,15 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
         # The part at whose end the belt leaves the pulley's speed for good.
         left = sticks.index(True) if any(sticks) else 0
         placed_by_torque = pulley.drive.kind == "torque" and left + 1 < len(on)
-        held = any(sticks) or len(on) == 1
-        speeds.append(Speed("torque" if placed_by_torque else "stretch", len(joints) + left + (not held)))
+        speeds.append(
+            Speed("torque" if placed_by_torque else "stretch", len(joints) + left + (len(on) > 1 and not any(sticks)))
+        )
         joints += [RUN_UP_JOINT, *_inner_joints(pulley, on, left), RUN_OFF_JOINT]
         parts += [*on, FREE]
     if scene.closed:
         # The last joint is the first run-up.
         joints = [*joints[1:], joints[0]]
-        speeds = [Speed(speed.equation, speed.grip - 1) for speed in speeds]
+        speeds = [Speed(speed.equation, speed.joint - 1) for speed in speeds]
     return Layout(tuple(parts), tuple(joints), tuple(speeds), scene.closed, scene.transport_rate is None)
 
 

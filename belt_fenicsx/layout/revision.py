@@ -90,6 +90,12 @@ class Samples:
     rate: float = 1.0
 
     @property
+    def only(self) -> Resultants:
+        """What they say of the only pulley."""
+        (resultants,) = self.pulleys
+        return resultants
+
+    @property
     def densest(self) -> Samples:
         """These samples as densely as there are any."""
         return self if self.finer is None else self.finer()
@@ -219,9 +225,13 @@ class _Contact:
 
     def change(self) -> _Change | None:
         """What the first broken bound on this pulley calls for; None where all hold."""
-        if (shrunk := self.shrunk()) is not None or self.pulley.friction == 0.0 or (found := self.broken()) is None:
-            return shrunk
-        return replace(self, samples=self.samples.densest).broken() or found
+        if (
+            (shorter := self.leave_out()) is not None
+            or self.pulley.friction == 0.0
+            or (found := self.first_broken()) is None
+        ):
+            return shorter
+        return replace(self, samples=self.samples.densest).first_broken() or found
 
     def revised(self, why: str, parts: Sequence[Part], ends: Sequence[float] | Array) -> _Change:
         """Other parts on this pulley, of which equal neighbours are one."""
@@ -233,7 +243,7 @@ class _Contact:
         there = revised.parts[left + 1 : left + 2]
         return revised if there and there[0].slip == self.pulley.slip else _Change(why)
 
-    def shrunk(self) -> _Change | None:
+    def leave_out(self) -> _Change | None:
         """The layout without the shortest part, if that has shrunk to nothing."""
         parts, ends = self.parts, self.ends
         lengths = np.diff(ends)
@@ -249,36 +259,36 @@ class _Contact:
             return None
         return self.revised(why, [*parts[:i], *parts[i + 1 :]], np.delete(ends, i + 1 if i < last else i))
 
-    def broken(self) -> _Change | None:
+    def first_broken(self) -> _Change | None:
         """What the first bound that friction or sliding breaks calls for."""
         for i, (part, (start, end)) in enumerate(zip(self.parts, pairwise(self.ends), strict=True)):
-            looks = (self.held,) if part.kind == "stick" else (self.turned, self.stuck)
+            looks = (self.exceed_bound,) if part.kind == "stick" else (self.reverse_sliding, self.stick_again)
             for look in looks if start < end else ():
                 if (found := look(i)) is not None:
                     return found
         return None
 
-    def held(self, i: int) -> _Change | None:
+    def exceed_bound(self, i: int) -> _Change | None:
         """Sliding at the ends of a stick part where friction exceeds its bound; or in its place."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         bound = self.pulley.friction * at.p
         excess = np.abs(at.f) - bound
-        broken, holds = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
+        broken, within = excess > self.tolerances.bound * bound.max(), np.flatnonzero(excess <= 0.0)
         before, length = sliding(-at.f[0], self.index), ends[i + 1] - ends[i]
-        if broken.all() and not holds.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
+        if broken.all() and not within.size and (at.f[0] * at.f[-1] > 0.0 or i < len(parts) - 1):
             why = "stick breaks Coulomb's bound all along"
             return self.revised(why, [*(parts[:i] or [before]), *parts[i + 1 :]], np.delete(ends, i) if i else ends)
         if broken[0] and i == 0:
             why = "Coulomb's bound breaks where stick begins"
-            place = at.sigma[min(holds[0], at.sigma.size - 2)] if holds.size else ends[0] + FURTHEST * length
+            place = at.sigma[min(within[0], at.sigma.size - 2)] if within.size else ends[0] + FURTHEST * length
             place = min(place, ends[0] + self.tolerances.furthest * length)
             return self.revised(why, [before, *parts], [ends[0], place, *ends[1:]])
         if broken[-1]:
-            place = at.sigma[max(holds[-1], 1)] if holds.size else ends[i + 1] - FURTHEST * length
-            return self.ended(i, max(place, ends[i + 1] - self.tolerances.furthest * length))
+            place = at.sigma[max(within[-1], 1)] if within.size else ends[i + 1] - FURTHEST * length
+            return self.end_earlier(i, max(place, ends[i + 1] - self.tolerances.furthest * length))
         return None
 
-    def ended(self, i: int, place: float) -> _Change | None:
+    def end_earlier(self, i: int, place: float) -> _Change | None:
         """A stick part that ends at a place before its end; None where it ends at Coulomb's bound already."""
         parts, ends, why = self.parts, self.ends, "Coulomb's bound breaks where stick ends"
         behind = sliding(self.sample(i).f[-1], self.index)
@@ -290,7 +300,7 @@ class _Contact:
             return self.revised(why, [*parts, behind], [*ends[:-1], place, ends[-1]])
         return None if self.pulley.x_trans == RUN_OFF else _Change(why)
 
-    def turned(self, i: int) -> _Change | None:
+    def reverse_sliding(self, i: int) -> _Change | None:
         """Two slip parts in place of one in which the belt slides both ways; or one of the other sense."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         if self.transition is not None:
@@ -316,7 +326,7 @@ class _Contact:
         place = _crossing(at.sigma, ahead, crossing)
         return self.revised(why, [*parts[:i], *pair, *parts[i + 1 :]], [*ends[: i + 1], place, *ends[i + 1 :]])
 
-    def stuck(self, i: int) -> _Change | None:
+    def stick_again(self, i: int) -> _Change | None:
         """A stick part before the place where sliding turns, if friction could keep the stretch there."""
         parts, ends, at = self.parts, self.ends, self.sample(i)
         if i != self.transition or parts[i + 1].kind == "stick":
@@ -325,8 +335,8 @@ class _Contact:
         excess, last = np.abs(at.keeping()) - bound, at.sigma.size - 1
         if excess[last] >= -self.tolerances.bound * bound.max():
             return None
-        held = min(int(np.flatnonzero(excess > 0.0).max(initial=0)), last - 1)
-        place = float(np.interp(0.0, -excess[held : held + 2], at.sigma[held : held + 2]))
+        exceeded = min(int(np.flatnonzero(excess > 0.0).max(initial=0)), last - 1)
+        place = float(np.interp(0.0, -excess[exceeded : exceeded + 2], at.sigma[exceeded : exceeded + 2]))
         place = max(place, ends[i + 1] - self.tolerances.furthest * (ends[i + 1] - ends[i]))
         why = "sliding turns where friction could keep the stretch"
         stick = Part("stick", pulley=self.index)

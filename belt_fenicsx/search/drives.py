@@ -102,8 +102,8 @@ def divide_stick(scene: Scene, stick: Layout, samples: Samples, least: float) ->
         return None
     start, stop = ends[sticks[0]], ends[on[-1] + 1]
     margin = least * (stop - ends[on[0]])
-    x_trans = scene.pulleys[0].drive.by("x_trans")
-    place = min(max(float(np.interp(x_trans, at.x, at.sigma)), start + margin), stop - margin)
+    (pulley,) = scene.pulleys
+    place = min(max(float(np.interp(pulley.drive.by("x_trans"), at.x, at.sigma)), start + margin), stop - margin)
     layout = ordered(scene, [*stick.parts[on[0] : sticks[0] + 1], wanted.contact[-1]])
     return layout, np.array([*ends[: sticks[0] + 1], place, stop, ends[-1]])
 
@@ -144,11 +144,11 @@ def _gained_by_sliding(scene: Scene, samples: Samples, parts: Sequence[Sample]) 
     Returns:
         Places of the transition, what is gained for each of them, and where sliding turns, all ``(m,)``.
     """
-    pulley = scene.pulleys[0]
+    (pulley,) = scene.pulleys
     sigma, p, f = (np.concatenate([getattr(part, name) for part in parts]) for name in ("sigma", "p", "f"))
     keeping = np.concatenate([part.keeping() for part in parts])
     sense = sliding(-ahead(scene, samples)).sense
-    slip, strain = sense * pulley.friction * p, max(samples.pulleys[0].speed - 1.0, LEAST_STRAIN)
+    slip, strain = sense * pulley.friction * p, max(samples.only.speed - 1.0, LEAST_STRAIN)
     # Where friction cannot hold the stretch, it comes back to that in stick, and sliding turns.
     apart = sense * _integral(slip + keeping, sigma)
     peak = int(np.argmax(apart))
@@ -175,7 +175,7 @@ def _tried(method: Method[S], start: S, stage: str) -> S | None:
 def _from_slip(method: Method[S], slip: S) -> S | None:
     """An answer next to pure slip, where sliding turns next to the run-off and nowhere else; None where it does not."""
     samples, (part,) = method.samples(slip), slip.layout.contact
-    if earliest(samples) == samples.pulleys[0].place:
+    if earliest(samples) == samples.only.place:
         return None
     start, stop = samples.ends[1:3]
     layout = ordered(method.scene, [part, part.turned])
@@ -191,7 +191,7 @@ def _search_transition(method: Method[S], stick: S, slip: S) -> S:
     """
     scene, samples, sense = method.scene, method.samples(stick), _sense(method, stick)
     slid = method.samples(slip)
-    ends = [(samples.pulleys[0].place, ahead(scene, samples)), (earliest(slid), ahead(scene, slid))]
+    ends = [(samples.only.place, ahead(scene, samples)), (earliest(slid), ahead(scene, slid))]
     for _ in range(MOST_PLACES):
         (x, exceeds), (x_other, exceeds_other) = ends
         if abs(x_other - x) <= NOTHING:

@@ -226,7 +226,7 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
         SceneError: It does not.
         Stopped: There is no contact.
     """
-    pulley = method.scene.pulleys[0]
+    (pulley,) = method.scene.pulleys
     x_trans, slides = pulley.x_trans, pulley.slip
     if slides is None or not isinstance(x_trans, float) or pulley.friction == 0.0:
         return None
@@ -242,7 +242,7 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
         slip = None
     if slip is None or not (_is_limit(method, stick, RUN_OFF, slides) and _is_limit(method, slip, RUN_UP, slides)):
         return stick
-    places = sorted([earliest(method.samples(slip)), method.samples(stick).pulleys[0].place])
+    places = sorted([earliest(method.samples(slip)), method.samples(stick).only.place])
     doubt = (-NEAR if outside else SURE) * (places[1] - places[0])
     if not places[0] - doubt < x_trans < places[1] + doubt and not _is_nearest_to_stick(method.samples(slip), x_trans):
         first, last = (place * method.units.length for place in places)
@@ -254,7 +254,7 @@ def check_transition(method: Method[S], *, outside: bool = False) -> S | None:
 def _is_nearest_to_stick(slip: Samples, x: float) -> bool:
     """Whether the belt that slides all along has, at a place, but for rounding the stretch nearest to that in stick."""
     (part,) = (part for part in slip.parts if part is not None)
-    return bool(part.x[0] < x < part.x[-1] and np.interp(x, part.x, abs(part.D - slip.pulleys[0].speed)) < STRETCH)
+    return bool(part.x[0] < x < part.x[-1] and np.interp(x, part.x, abs(part.D - slip.only.speed)) < STRETCH)
 
 
 def _is_limit(method: Method[S], state: S, x_trans: Literal["run-up", "run-off"], slip: Slip) -> bool:
@@ -265,7 +265,7 @@ def _is_limit(method: Method[S], state: S, x_trans: Literal["run-up", "run-off"]
 def earliest(slip: Samples) -> float:
     """Where the transition goes when sliding spreads over the contact, from samples of pure slip."""
     (part,) = (part for part in slip.parts if part is not None)
-    nearest = slip.pulleys[0].place
+    nearest = slip.only.place
     # Next to the run-off, sliding turns: the transition does not get there.
     return nearest if nearest < (part.x[0] + part.x[-1]) / 2 else float(part.x[0])
 
@@ -281,15 +281,15 @@ def layout_of(scene: Scene, initial: Solution) -> Layout | None:
     if initial.fields is None or not same:
         return None
     layout = ordered(scene, contact)
-    if not scene.is_published:
-        return layout
-    wanted, pulley = posed(scene), scene.pulleys[0]
-    if pulley.drive.kind != "x_trans":
-        return layout
-    if not wanted.slides_behind(0):
-        sticks = any(part.kind == "stick" for part in contact)
-        longest = initial.scene.pulleys[0].x_trans == RUN_OFF or not layout.slides_behind(0)
-        return layout if layout == wanted or (pulley.x_trans == RUN_OFF and sticks and longest) else None
-    if not layout.slides_behind(0):
-        return None
-    return layout if layout.parts[layout.transition(0) + 1] == wanted.contact[-1] else None
+    placed = [index for index, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "x_trans"]
+    return layout if all(_has_place(scene, initial, layout, index) for index in placed) else None
+
+
+def _has_place(scene: Scene, initial: Solution, layout: Layout, index: int) -> bool:
+    """Whether the layout of a given solution has on a pulley what the given place there asks for."""
+    wanted = posed(scene)
+    own, asked = ([rows.parts[i] for i in rows.on(index)] for rows in (layout, wanted))
+    if wanted.slides_behind(index):
+        return layout.slides_behind(index) and layout.parts[layout.transition(index) + 1] == asked[-1]
+    longest = initial.scene.pulleys[index].x_trans == RUN_OFF or not layout.slides_behind(index)
+    return own == asked or (scene.pulleys[index].x_trans == RUN_OFF and layout.sticks(index) and longest)

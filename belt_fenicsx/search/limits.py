@@ -15,8 +15,13 @@ from belt_fenicsx.solution.status import Status
 
 
 def driven_by(scene: Scene, x_trans: float | Literal["run-up", "run-off"], slip: Slip) -> Scene:
-    """The scene with a pulley that is driven by ``x_trans``."""
-    return replace(scene, pulleys=(scene.pulleys[0].driven(x_trans=x_trans, slip=slip),))
+    """The scene with pulleys that are driven by ``x_trans``."""
+    return replace(scene, pulleys=tuple(pulley.driven(x_trans=x_trans, slip=slip) for pulley in scene.pulleys))
+
+
+def leaves_transition(scene: Scene) -> bool:
+    """Whether a place of the transition is left to a speed or a torque."""
+    return any(pulley.friction > 0.0 and not pulley.drive.is_place for pulley in scene.pulleys)
 
 
 def ahead(scene: Scene, samples: Samples, index: int = 0) -> float:

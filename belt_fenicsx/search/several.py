@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -71,7 +70,7 @@ def meet_drives(method: Method[S], state: S) -> S:
     """
     for _ in range(ROUNDS * len(method.scene.pulleys)):
         missing = [index for index in unmet(method, state) if not slides_as_driven(method, state, index)]
-        start = _divided(method, state, missing) if missing else None
+        start = _divided(method, state, missing[0]) if missing else None
         if start is None:
             break
         why = f"the drive of pulley {missing[0]} is not met; now {start.layout}"
@@ -111,9 +110,9 @@ def _below_limit(method: Method[S], index: int, sense: Slip) -> S:
     return state
 
 
-def _divided(method: Method[S], state: S, pulleys: Sequence[int]) -> S | None:
-    """A first guess with other parts on the first of some pulleys, whose drives are not met; None without any."""
-    layout, samples, index = state.layout, method.samples(state), pulleys[0]
+def _divided(method: Method[S], state: S, index: int) -> S | None:
+    """A first guess with other parts on a pulley whose drive is not met; None without any."""
+    layout, samples = state.layout, method.samples(state)
     on = layout.on(index)
     last = samples.parts[on[-1]]
     assert last is not None, "a part on a pulley"

@@ -128,14 +128,14 @@ def certify(
     hub: float | None = None,
     doubts: Sequence[float] | None = None,
 ) -> tuple[Check, ...]:
-    """Checks borders, pressure, penetration, Coulomb's bound, the sense of sliding, the balances and the drives.
+    """Checks joints, pressure, penetration, Coulomb's bound, the sense of sliding, the balances and the drives.
 
     Each margin is relative to the size of what it checks: friction to mu p, a sliding speed to the largest one of its
     zone, forces to the tension. Where there is more than one pulley below a belt without loads, the whole belt has to
     be in balance, too.
 
     Args:
-        solution: A solution with fields on both sides of each border and densely between.
+        solution: A solution with fields on both sides of each joint and densely between.
         tolerance: Negative relative margin that the discretisation is allowed.
         balance: Negative margin of the balances, relative to the tension, that the discretisation is allowed.
         hub: The same of the force of a take-up; the tolerance by default.

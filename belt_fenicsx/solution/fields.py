@@ -34,7 +34,7 @@ DERIVED: Mapping[str, Quantity] = {"tension": Quantity(unit="N", text="tension",
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fields:
-    """Fields along the belt, sorted by ``sigma``; a border of zones appears once for each side.
+    """Fields along the belt, sorted by ``sigma``; a joint of zones appears once for each side.
 
     They are those of the middle line, with one exception: where a belt with a ``contact_offset`` lies on a pulley, its
     stretch D and the angle phi are those of the fibre that touches, with which it slides and along which friction acts.
@@ -133,8 +133,8 @@ class Fields:
                 ``(n,)``; zero by default.
         """
         if weight is None:
-            borders = np.flatnonzero(np.diff(zone)) + 1
-            weight = np.concatenate([simpson_weights(part) for part in np.split(sigma, borders)])
+            joints = np.flatnonzero(np.diff(zone)) + 1
+            weight = np.concatenate([simpson_weights(part) for part in np.split(sigma, joints)])
         psi = theta - phi
         eps, Gamma = D * np.cos(psi) - 1.0, -D * np.sin(psi)
         if offset is not None:

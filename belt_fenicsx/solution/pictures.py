@@ -26,7 +26,7 @@ UNROLLED = ("p", "f", "tension", "v_rel")
 DRAWN, LINE_HEIGHT = 4.6, 0.24  # heights of a drive and of each line of its tables [inches]
 SHORT = 0.05  # A contact that is a smaller part of the belt is shown once more, widened.
 ROUNDING = 1e-9  # A smaller part of the largest torque is shown as zero.
-ROOM = 0.02  # Names of borders are at least so far apart, as a part of an axes' width.
+ROOM = 0.02  # Names of joints are at least so far apart, as a part of an axes' width.
 WIDENED = 3  # of them, the shortest ones
 MARGIN = 0.15  # what a widened contact shows of the spans beside it, as a part of its length
 ABREAST = 4  # polar plots in a row
@@ -129,16 +129,16 @@ def unrolled(solution: Solution) -> Figure:
             f"pulley {contact.pulley}", xy=((start + end) / 2.0, 0.98), xycoords=("data", "axes fraction"),
             ha="center", va="top", fontsize="small", rotation=90.0, bbox=PAPER,
         )  # fmt: skip
-    _name_borders(axes[0, 0], [contact for contact, start, end in ends if end - start >= SHORT * whole])
+    _name_joints(axes[0, 0], [contact for contact, start, end in ends if end - start >= SHORT * whole])
     for ax, (_, _, contact) in zip(axes[0, 1:], widened, strict=True):
         ax.set_title(f"pulley {contact.pulley}, widened", fontsize="small")
-        _name_borders(ax, [contact])
+        _name_joints(ax, [contact])
     _legend(solution, axes[-1, 0])
     return figure
 
 
-def _name_borders(ax: Axes, contacts: Sequence[Contact]) -> None:
-    """Names the borders of contacts above an axes, their ends first; those that have no room have no name."""
+def _name_joints(ax: Axes, contacts: Sequence[Contact]) -> None:
+    """Names the joints of contacts above an axes, their ends first; those that have no room have no name."""
     low, high = ax.get_xlim()
     ends = [(contact.zones[i].sigma[i], name) for contact in contacts for i, name in ((0, "run-up"), (-1, "run-off"))]
     inner = [

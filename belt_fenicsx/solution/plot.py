@@ -36,7 +36,7 @@ ZONE_STYLES = {
 def field(
     solution: Solution, ax: Axes, name: str, *, along: str | None = None, contact_only: bool = False, **style: Any
 ) -> Axes:
-    """Draws one field against x, or sigma in loops and with several pulleys, with the zones' borders as vertical lines.
+    """Draws one field against x, or sigma in loops and with several pulleys, with the zones' joints as vertical lines.
 
     Args:
         solution: A solution with fields.

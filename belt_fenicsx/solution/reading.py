@@ -20,7 +20,7 @@ NEAR = 4  # points round the middle of a span, through which its fields are inte
 
 
 def zones_of(scene: Scene, parts: Sequence[Part], fields: Fields) -> tuple[Zone, ...]:
-    """The zones of a belt whose fields have a point on each side of each border.
+    """The zones of a belt whose fields have a point on each side of each joint.
 
     Args:
         scene: The scene.
@@ -46,20 +46,20 @@ def contacts_of(
     torques: Sequence[float],
     centers: Sequence[tuple[float, float]] | None = None,
     capacities: Sequence[float] | None = None,
-    borders: Array | None = None,
+    zone_ends: Array | None = None,
 ) -> tuple[Contact, ...]:
     """Contacts with the pulleys that are touched, in their order.
 
     Args:
         scene: The scene, in the units of the other arguments.
         zones: All zones, in the direction of travel.
-        fields: Fields, with a point on each side of each border unless there are ``borders``.
+        fields: Fields, with a point on each side of each joint unless there are ``zone_ends``.
         rate: Transport rate c.
         omegas: Angular velocity of each pulley.
         torques: Moment of the belt on each pulley, positive where it drives it along.
         centers: Centre of each pulley, with its take-up done; by default, that of the scene.
         capacities: Torque that each pulley transmits at most; not known by default.
-        borders: Ends of the zones, those of the touching fibre on a pulley, in the complex plane ``(len(zones), 2)``;
+        zone_ends: Ends of the zones, those of the touching fibre on a pulley, in the complex plane ``(len(zones), 2)``;
             by default, the first and the last points of the zones.
     """
     parts, N = parts_of(fields, zones), force(scene, fields, rate)
@@ -77,10 +77,10 @@ def contacts_of(
         # Run-up, the last place at which the belt sticks, and run-off: zones, and at which of their ends.
         wanted = ((on[0], 0), (sticks[-1], 1) if sticks else (on[0], 0), (on[-1], 1))
         points = [parts[i].stop - 1 if end else parts[i].start for i, end in wanted]
-        if borders is None:
+        if zone_ends is None:
             ends = fibre(scene, fields, pulley.turn, points).tolist()
         else:
-            ends = [complex(borders[i, end]) for i, end in wanted]
+            ends = [complex(zone_ends[i, end]) for i, end in wanted]
         up, left, off = (
             _counted_on((place - center) * pulley.turn / 1j, near)
             for place, near in zip(ends, fields.phi[points].tolist(), strict=True)

@@ -36,7 +36,7 @@ class Evaluator(Protocol):
         """What it is made from, by name."""
 
     def __call__(self, sigma: Array, before: bool) -> Fields:
-        """Fields at points ``(m,)`` [m], at a border those of the zone before it, or after it."""
+        """Fields at points ``(m,)`` [m], at a joint those of the zone before it, or after it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,7 +201,7 @@ class Solution:
 
         Args:
             sigma: Coordinates in [-Ls/2, Ls/2] ``(m,)``, or a single one [m].
-            side: The side from which fields that jump at a border between zones are taken.
+            side: The side from which fields that jump at a joint between zones are taken.
 
         Raises:
             SceneError: A coordinate lies outside of the belt, or the solution knows no fields between points: one by

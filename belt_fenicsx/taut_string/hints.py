@@ -27,7 +27,7 @@ def hints(scene: Scene) -> tuple[str, ...]:
     Returns:
         One sentence for each thing that is unusual, and one on where a string would touch the pulley.
     """
-    pulley = scene.pulleys[0]
+    (pulley,) = scene.pulleys
     # Friction changes the string's forces, and where it is much, beyond the range of numbers.
     plain = replace(scene, pulleys=(Pulley(radius=pulley.radius, center=pulley.center, friction=0.0),))
     string = taut_string(plain)
@@ -37,7 +37,7 @@ def hints(scene: Scene) -> tuple[str, ...]:
 
 def _units(scene: Scene) -> list[str]:
     """Values that look as if they were meant in other units."""
-    belt, pulley, said = scene.belt, scene.pulleys[0], []
+    belt, (pulley,), said = scene.belt, scene.pulleys, []
     lengths = {"belt.length": (belt.length, LONGEST), "span": (scene.span, LONGEST)}
     lengths["pulleys.0.radius"] = (pulley.radius, LARGEST_RADIUS)
     if isinstance(belt, Belt):
@@ -78,7 +78,7 @@ def _tension(scene: Scene, string: TautString) -> list[str]:
 
 def _contact(scene: Scene, plain: Scene, string: TautString) -> list[str]:
     """Where contact is to be expected, and whether the transition lies there."""
-    pulley, ends = scene.pulleys[0], _bent_ends(plain, string)
+    (pulley,), ends = scene.pulleys, _bent_ends(plain, string)
     text = f"A string would touch the pulley from x = {string.x[0]:.4g} to {string.x[-1]:.4g} m"
     if ends is None:
         return [f"{text}."]
@@ -103,7 +103,8 @@ def _bent_ends(plain: Scene, string: TautString) -> tuple[float, float] | None:
     Returns:
         Their global coordinates [m]; None where the layers of clamp and pulley meet in a free span.
     """
-    pulley, a, R = plain.pulleys[0], plain.belt.bending_stiffness, plain.pulleys[0].radius
+    (pulley,), a = plain.pulleys, plain.belt.bending_stiffness
+    R = pulley.radius
     strain = _path(string) / plain.belt.length - 1.0
     if strain <= 0.0:
         return None

@@ -16,7 +16,7 @@ from belt_fenicsx.solution.status import Status
 
 def touches(scene: Scene) -> bool:
     """Whether the pulley reaches above the straight line between the clamps."""
-    pulley = scene.pulleys[0]
+    (pulley,) = scene.pulleys
     xc, H = pulley.center
     nearest = math.hypot(max(0.0, abs(xc) - scene.span / 2), H)
     return H >= 0.0 or nearest < pulley.radius

@@ -31,9 +31,9 @@ class TautString:
     It is a chain of pieces of constant stretch and curvature: two straight spans, and the arc between them.
 
     Attributes:
-        borders: Run-up, transition and run-off in the material-length coordinate ``(3,)`` [m].
-        angles: Angles of the tangent at these borders ``(3,)`` [rad].
-        x: Global coordinates of these borders ``(3,)`` [m].
+        joints: Run-up, transition and run-off in the material-length coordinate ``(3,)`` [m].
+        angles: Angles of the tangent at these joints ``(3,)`` [rad].
+        x: Global coordinates of these joints ``(3,)`` [m].
         strain: Strains of the spans before and after the pulley, at least that of a slack belt ``(2,)`` [-].
         sigma: Ends of the pieces ``(n + 1,)`` [m].
         r_ends: Positions of these ends ``(n + 1, 2)`` [m].
@@ -42,7 +42,7 @@ class TautString:
         growth: Logarithm of the factor by which sliding behind the transition changes the tension [-].
     """
 
-    borders: Array
+    joints: Array
     angles: Array
     x: Array
     strain: Array
@@ -94,7 +94,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     Returns:
         The string, or None where it is straight and clear of the pulley.
     """
-    pulley, half = scene.pulleys[0], scene.belt.length / 2
+    (pulley,), half = scene.pulleys, scene.belt.length / 2
     across = [scene.span / 2 + pulley.center[0], scene.span / 2 - pulley.center[0]]
     up, off = contact or (_tangent(pulley, across[0]), -_tangent(pulley, across[1]))
     if up <= off:
@@ -116,7 +116,7 @@ def taut_string(scene: Scene, contact: tuple[float, float] | None = None) -> Tau
     sigma[-1] = half
     angles = np.array([up, trans, off])
     return TautString(
-        borders=sigma[[1, 2, -2]],
+        joints=sigma[[1, 2, -2]],
         angles=angles,
         x=pulley.center[0] - pulley.radius * np.sin(angles),
         strain=strain * growth[[0, -1]],

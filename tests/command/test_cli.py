@@ -390,7 +390,7 @@ def test_a_mesh_from_a_file(capfd, tmp_path):
 @pytest.mark.parametrize(
     ("method", "logger", "line"),
     [
-        ("fitted", "fitted.newton", r"iteration 0: residual \S+, step \S+, borders -0\.2\d+ \S+ 0\.2\d+ Ls"),
+        ("fitted", "fitted.newton", r"iteration 0: residual \S+, step \S+, joints -0\.2\d+ \S+ 0\.2\d+ Ls"),
         (
             "augmented-lagrangian",
             "lagrangian.loop",

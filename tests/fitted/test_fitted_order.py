@@ -111,9 +111,9 @@ def test_a_drive_gives_the_same_state_back(stress, seed, number, drive):
 def test_zones_that_slide_both_ways_meet_at_the_transition():
     layout = ordered(Scene(), [Part("slip", "forward"), Part("slip", "backward")])
     assert [joint.equation for joint in layout.joints] == ["tangent", "x", "tangent"]
-    assert (layout.transition(0), layout.speeds[0].grip) == (1, 1)
+    assert (layout.transition(0), layout.speeds[0].joint) == (1, 1)
     layout = ordered(Scene(), [Part("slip", "forward"), STICK, Part("slip", "backward")])
-    assert (layout.transition(0), layout.speeds[0].grip) == (2, 1)
+    assert (layout.transition(0), layout.speeds[0].joint) == (2, 1)
 
 
 @pytest.mark.parametrize(("length", "thickness"), [(1.1, 0.08), (1.2, 0.1)])
@@ -128,9 +128,9 @@ def test_a_string_on_given_angles_of_the_pulley():
     pulley = Scene().pulleys[0]
     string = taut_string(Scene(), (0.4, -0.2))
     np.testing.assert_allclose(string.r_ends[[0, -1]], [[-0.5, 0.0], [0.5, 0.0]], atol=1e-14)
-    arms = string.r(string.borders) - pulley.center
+    arms = string.r(string.joints) - pulley.center
     np.testing.assert_allclose(np.hypot(*arms.T), pulley.radius, rtol=1e-12)
-    np.testing.assert_allclose(string.phi(string.borders)[[0, -1]], [0.4, -0.2], atol=1e-14)
+    np.testing.assert_allclose(string.phi(string.joints)[[0, -1]], [0.4, -0.2], atol=1e-14)
 
 
 def test_states_pass_on_without_loss():
@@ -146,9 +146,9 @@ def test_nodes_in_contact_stay_on_the_pulley_and_held_borders_where_they_are():
     scene, _ = Scene().dimensionless()
     start = from_string(scene, taut_string(scene), posed(scene), 4)
     one_step = newton((("snes_max_it", 1),))
-    held, _ = one_step.solve(scene, start, 1e-3, held=True)
+    bent, _ = one_step.solve(scene, start, 1e-3, fixed_joints=True)
     state, _ = one_step.solve(scene, start, 1e-3)
-    np.testing.assert_array_equal(held.ends, start.ends)
+    np.testing.assert_array_equal(bent.ends, start.ends)
     assert np.abs(state.ends - start.ends).max() > 1e-3
     arms = state.ends_r[state.mesh.touches] - complex(*scene.pulleys[0].center)
     np.testing.assert_allclose(np.abs(arms), scene.pulleys[0].radius, rtol=1e-14)

@@ -350,7 +350,7 @@ def test_published_scene_is_the_string_over_one_pulley():
     scene = Scene()
     solution, other = string(scene), taut_string(scene.dimensionless()[0])
     assert solution.contacts[0].omega == pytest.approx(1.47806, abs=1e-5)
-    assert [zone.sigma[0] for zone in solution.zones[1:]] == pytest.approx(list(other.borders), abs=1e-5)
+    assert [zone.sigma[0] for zone in solution.zones[1:]] == pytest.approx(list(other.joints), abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["two-fast", "flat-belt", "open-S", "chapter-surface"])

@@ -32,11 +32,11 @@ def test_string_spans_the_clamps_along_the_pulley(scene):
     half = scene.belt.length / 2
     ends = string.r(np.array([-half, half]))
     np.testing.assert_allclose(ends, [[-scene.span / 2, 0], [scene.span / 2, 0]], atol=1e-14)
-    sigma = np.linspace(string.borders[0], string.borders[2], 50)
+    sigma = np.linspace(string.joints[0], string.joints[2], 50)
     np.testing.assert_allclose(np.hypot(*(string.r(sigma) - pulley.center).T), pulley.radius, rtol=1e-14)
-    np.testing.assert_allclose(string.r(string.borders)[:, 0], string.x, atol=1e-14)
-    np.testing.assert_allclose(string.phi(string.borders), string.angles, atol=1e-14)
-    outside = np.concatenate([np.linspace(-half, string.borders[0], 20), np.linspace(string.borders[2], half, 20)])
+    np.testing.assert_allclose(string.r(string.joints)[:, 0], string.x, atol=1e-14)
+    np.testing.assert_allclose(string.phi(string.joints), string.angles, atol=1e-14)
+    outside = np.concatenate([np.linspace(-half, string.joints[0], 20), np.linspace(string.joints[2], half, 20)])
     assert np.min(np.hypot(*(string.r(outside) - pulley.center).T)) >= pulley.radius * (1 - 1e-14)
 
 
@@ -45,13 +45,13 @@ def test_string_has_the_length_of_the_belt(scene):
     string = taut_string(scene)
     assert string.sigma[[0, -1]] == pytest.approx([-scene.belt.length / 2, scene.belt.length / 2], abs=1e-15)
     assert np.all(np.diff(string.sigma) >= 0.0)
-    assert np.all(np.diff(string.borders) >= 0.0)
+    assert np.all(np.diff(string.joints) >= 0.0)
 
 
 def test_string_is_tangent_to_the_pulley():
     string = taut_string(SCENES["shifted"])
     for border, side in ((0, -1.0), (2, 1.0)):
-        span = string.r(string.borders)[border] - [0.5 * side, 0.0]
+        span = string.r(string.joints)[border] - [0.5 * side, 0.0]
         assert abs(math.remainder(math.atan2(span[1], span[0]) - string.angles[border], math.pi)) < 1e-14
 
 
@@ -61,7 +61,7 @@ def test_strain_follows_euler_and_eytelwein(sense):
     sign = 1.0 if sense == "forward" else -1.0
     wrapped = string.angles[1] - string.angles[2]
     assert string.strain[1] / string.strain[0] == pytest.approx(math.exp(sign * 0.3 * wrapped), rel=1e-12)
-    sigma = np.linspace(string.borders[1], string.borders[2], 20)[1:-1]
+    sigma = np.linspace(string.joints[1], string.joints[2], 20)[1:-1]
     expected = string.strain[0] * np.exp(sign * 0.3 * (string.angles[1] - string.phi(sigma)))
     np.testing.assert_allclose(string.D(sigma) - 1.0, expected, rtol=1e-2)
 
