@@ -142,17 +142,25 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
     given = method.scene.pulleys[load].torque or 0.0
     if given / _torque(solve, state, load) > 1.0:
         state = _well_known(solve, state)
-    transmitted = _torque(solve, state, load)
+        _check_load(solve, state, index, load, given)
+    return state
+
+
+def _check_load(method: Method[S], state: S, index: int, load: int, given: float) -> None:
+    """Checks that a torque is not beyond what the belt transmits to its pulley, sliding all along another one.
+
+    Raises:
+        Stopped: It is.
+    """
+    transmitted, unit = _torque(method, state, load), method.units.of(length=1, force=1)
     if given / transmitted > 1.0:
-        unit, own = method.units.of(length=1, force=1), _torque(solve, state, index)
-        there = "" if index == load else f", and {own * unit:.6g} N m to pulley {index}"
+        there = "" if index == load else f", and {_torque(method, state, index) * unit:.6g} N m to pulley {index}"
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
             f"Sliding all along pulley {index}, the belt transmits {transmitted * unit:.6g} N m to pulley {load}{there}"
             f"; the torque given to pulley {load} exceeds that by {100.0 * (given / transmitted - 1.0):.3g} %.",
             final=True,
         )
-    return state
 
 
 def _at_its_rate(method: Method[S], solve: Method[S], state: S, index: int) -> tuple[Method[S], S]:

@@ -65,7 +65,7 @@ def contacts_of(
     parts, N = parts_of(fields, zones), force(scene, fields, rate)
     taken, _ = weighed(scene, fields)
     line_weight = scene.belt.line_density * complex(*scene.gravity)
-    tension, driver = fields.tension, _driver(scene, omegas, torques)
+    driver = _driver(scene, omegas, torques)
     contacts = []
     for index, pulley in enumerate(scene.pulleys):
         on = on_pulley(zones, index)
@@ -74,17 +74,6 @@ def contacts_of(
         touching = tuple(zones[i] for i in on)
         center = complex(*(pulley.center if centers is None else centers[index]))
         sticks = [i for i in on if zones[i].kind == "stick"]
-        # Run-up, the last place at which the belt sticks, and run-off: zones, and at which of their ends.
-        wanted = ((on[0], 0), (sticks[-1], 1) if sticks else (on[0], 0), (on[-1], 1))
-        points = [parts[i].stop - 1 if end else parts[i].start for i, end in wanted]
-        if zone_ends is None:
-            ends = fibre(scene, fields, pulley.turn, points).tolist()
-        else:
-            ends = [complex(zone_ends[i, end]) for i, end in wanted]
-        up, left, off = (
-            _counted_on((place - center) * pulley.turn / 1j, near)
-            for place, near in zip(ends, fields.phi[points].tolist(), strict=True)
-        )
         before, after = beside(scene, fields, parts, on, N, taken)
         contacts.append(
             Contact(
@@ -95,24 +84,47 @@ def contacts_of(
                 x_trans=zones[sticks[0]].x[1] if sticks else touching[0].x[len(touching) > 1],
                 x_off=touching[-1].x[1],
                 torque=torques[index],
-                wrap_angle=pulley.turn * (up - off),
                 center=_vector(center),
-                run_up=_vector(ends[0]),
-                run_off=_vector(ends[-1]),
-                angle_up=up,
-                angle_off=off,
-                slip_angle=pulley.turn * (left - off),
                 hub_force=_vector(after - before + line_weight * (touching[-1].sigma[1] - touching[0].sigma[0])),
-                tension_up=float(tension[points[0]]),
-                tension_off=float(tension[points[-1]]),
                 creep=1.0 - pulley.radius * omegas[index] / driver,
                 sliding_loss=sum(_lost(fields, parts[i]) for i in on if zones[i].kind == "slip"),
                 capacity=math.nan if capacities is None else capacities[index],
                 take_up=along(pulley.take_up, center - complex(*pulley.center)),
                 zones=touching,
+                **_at_ends(scene, zones, fields, on, center, zone_ends),
             )
         )
     return tuple(contacts)
+
+
+def _at_ends(
+    scene: Scene, zones: Sequence[Zone], fields: Fields, on: Sequence[int], center: complex, zone_ends: Array | None
+) -> dict[str, Any]:
+    """Places, angles and tensions of a contact at its run-up and its run-off, from the zones ``on`` the pulley."""
+    turn, parts = scene.pulleys[zones[on[0]].pulley or 0].turn, parts_of(fields, zones)
+    sticks = [i for i in on if zones[i].kind == "stick"]
+    # Run-up, the last place at which the belt sticks, and run-off: zones, and at which of their ends.
+    wanted = ((on[0], 0), (sticks[-1], 1) if sticks else (on[0], 0), (on[-1], 1))
+    points = [parts[i].stop - 1 if end else parts[i].start for i, end in wanted]
+    if zone_ends is None:
+        ends = fibre(scene, fields, turn, points).tolist()
+    else:
+        ends = [complex(zone_ends[i, end]) for i, end in wanted]
+    angles = [
+        _counted_on((place - center) * turn / 1j, near)
+        for place, near in zip(ends, fields.phi[points].tolist(), strict=True)
+    ]
+    tensions = fields.tension[points].tolist()
+    return dict(
+        run_up=_vector(ends[0]),
+        run_off=_vector(ends[2]),
+        angle_up=angles[0],
+        angle_off=angles[2],
+        wrap_angle=turn * (angles[0] - angles[2]),
+        slip_angle=turn * (angles[1] - angles[2]),
+        tension_up=tensions[0],
+        tension_off=tensions[2],
+    )
 
 
 def spans_of(scene: Scene, zones: Sequence[Zone], fields: Fields) -> tuple[Span, ...]:
