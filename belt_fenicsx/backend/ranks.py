@@ -21,6 +21,7 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 PATIENCE = 30.0  # seconds, after which a rank says for whom it waits
+LONGEST_WAIT = 3600.0  # seconds, after which it ends all: some rank never comes, and nobody can tell the others
 BETWEEN = 1e-4  # seconds between two looks whether all have come
 
 
@@ -80,19 +81,23 @@ def agreed(comm: MPI.Comm, ask: Callable[[], T], told: Callable[[T], str]) -> T:
 
 
 def _all_come(comm: MPI.Comm) -> None:
-    """Waits for all ranks, which Ctrl-C may end; says so where it takes long: one may never come."""
-    request, patience_ends = comm.Ibarrier(), time.monotonic() + PATIENCE
+    """Waits for all ranks, which Ctrl-C may end; says so where it takes long, and ends all where one never comes."""
+    request, start, said = comm.Ibarrier(), time.monotonic(), False
+    who = (
+        f"rank {comm.rank} waits for others of {comm.size} ranks, which solve a fixed mesh together: all have to call "
+        "`solve` with the same scene and method, or with a `comm` of their own, as MPI.COMM_SELF"
+    )
     while not request.Test():
         interrupts.check()
         time.sleep(BETWEEN)
-        if time.monotonic() > patience_ends:
-            patience_ends = float("inf")
-            logger.warning(
-                "rank %d waits for others of %d ranks, which solve a fixed mesh together: all have to call `solve` "
-                "with the same scene and method, or with a `comm` of their own, as MPI.COMM_SELF",
-                comm.rank,
-                comm.size,
-            )
+        waited = time.monotonic() - start
+        if waited > PATIENCE and not said:
+            said = True
+            logger.warning("%s; it ends the program after %.0f s", who, LONGEST_WAIT)
+        if waited > LONGEST_WAIT:
+            logger.critical("%s; they did not for %.0f s, so all ranks are ended", who, LONGEST_WAIT)
+            # What one rank raises, the others never learn: those that come late would wait for it in turn.
+            comm.Abort(1)
 
 
 def _portable(error: BaseException | None) -> BaseException | None:

@@ -36,12 +36,17 @@ for line in sum(MPI.COMM_WORLD.gather(lines) or [], []):
 """
 
 
-def on_two_ranks(*argv, code=0):
-    """What Python with these arguments tells."""
+def run_on_two_ranks(*argv):
+    """What comes of Python with these arguments."""
     if LAUNCHER is None:
         pytest.skip("there is no mpirun")
     command = ["timeout", "100", LAUNCHER, "-n", "2", sys.executable, *argv]
-    result = subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True)
+    return subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True, check=False)
+
+
+def on_two_ranks(*argv, code=0):
+    """What Python with these arguments tells."""
+    result = run_on_two_ranks(*argv)
     assert result.returncode == code, (result.returncode, result.stdout, result.stderr)
     return result.stdout
 
@@ -138,3 +143,15 @@ if rank == 0: time.sleep(3)
 tell(solve(Scene(), **fixed).status.name)
 """
     assert told(code) == ["rank 0: SOLVED", "rank 1: rank 1 waits for others of 2 ranks", "rank 1: SOLVED"]
+
+
+def test_a_rank_that_waits_for_one_that_has_ended_ends_the_program():
+    code = """
+from belt_fenicsx.backend import ranks as collective
+collective.PATIENCE, collective.LONGEST_WAIT = 0.2, 2.0
+solve(Scene(), **fixed if rank == 0 else {})
+"""
+    result = run_on_two_ranks("-c", START + code)
+    assert result.returncode == 1
+    assert "rank 0 waits for others of 2 ranks" in result.stderr
+    assert "they did not for 2 s, so all ranks are ended" in result.stderr
