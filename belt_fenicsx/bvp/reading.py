@@ -291,8 +291,8 @@ def explained(solution: Solution) -> str:
     """What a state that is not admissible looks like, and where."""
     failed, several = [check for check in solution.checks if not check.holds], len(solution.contacts) > 1
     by_name = {check.name: check for check in reversed(failed)}
-    if "borders in order" in by_name:
-        return _out_of_order(solution, by_name["borders in order"].x)
+    if "joints in order" in by_name:
+        return _out_of_order(solution, by_name["joints in order"].x)
     sentences, contacts = [], {contact.pulley: contact for contact in solution.contacts}
     for check in failed:
         contact = contacts.get(check.pulley or 0)

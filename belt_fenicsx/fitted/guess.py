@@ -6,17 +6,23 @@ import math
 
 import numpy as np
 
-from belt_fenicsx.fitted.state import Driven, State, from_fields, from_string
-from belt_fenicsx.layout.layers import bending_layer
+from belt_fenicsx.fitted.dofs import local
+from belt_fenicsx.fitted.elements import points
+from belt_fenicsx.fitted.state import State
+from belt_fenicsx.fitted.transfer import Driven, blank, drive, from_fields, placed
+from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.layers import LEAST_STRAIN, bending_layer
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import posed
+from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.shape import StringDrive
 from belt_fenicsx.taut_string.string import TautString, taut_string
 
 LOWEST = 4  # The degree of a first guess from the string.
+LEAST = 0.02  # A part on a pulley takes at least this part of the contact in a first guess.
 PRESSED = 2.0  # A clamp presses the belt onto the pulley where the free span is shorter than this in bending layers.
 
 
@@ -69,3 +75,85 @@ def solution_guess(scene: Scene, initial: Solution, layout: Layout, degree: int,
         moves=np.array([contact.take_up for contact in initial.contacts]) * units.length,
     )
     return from_fields(scene, initial.fields.in_units(units), layout, ends, degree, elements, driven)
+
+
+def from_string(scene: Scene, string: TautString, layout: Layout, degree: int, elements: int | None = None) -> State:
+    """The taut string, with its pressure and its friction in sliding.
+
+    Args:
+        scene: The dimensionless scene.
+        string: The string over its pulley.
+        layout: The zones, of which the string has one or two in contact.
+        degree: Degree k.
+        elements: Number of cells; by default, as many as the layers call for.
+    """
+    half = scene.belt.length / 2
+    joints = string.joints if len(layout.joints) == 3 else string.joints[[0, 2]]
+    ends = np.array([-half, *joints, half])
+    state = blank(scene, layout, ends, float(np.mean(string.strain)), degree, elements)
+    nodes, sigma = points(degree)[0], state.sigma
+    inside = (sigma[:, :1] + state.length[:, None] * nodes).ravel()
+    n = len(sigma)
+    drive(state, Driven(string.strain[:1], 1.0, np.zeros(1)))
+    D = string.D((sigma[:, 0] + sigma[:, 1]) / 2)
+    tension = scene.belt.extensional_stiffness * np.maximum(D - 1.0, string.strain.min())
+    _press(state, tension * D)
+    return placed(state, string.r(inside).view(complex).reshape(n, -1), string.phi(inside).reshape(n, -1))
+
+
+def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | None = None) -> State:
+    """The exact string of a drive, with its parts, its pressure and its friction in sliding.
+
+    Args:
+        scene: The dimensionless scene.
+        string: The string.
+        degree: Degree k.
+        elements: Number of cells; by default, as many as the layers call for.
+    """
+    layout = ordered(scene, [own.part for own in string.parts if own.part.touches])
+    lengths = np.array([own.length for own in string.parts])
+    # Scaled, the last end is where the belt ends to the last bit.
+    true = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum() - 0.5
+    ends = scene.belt.length * _apart(layout, true)
+    strain = float(np.mean([own.stretches for own in string.parts])) - 1.0
+    state = blank(scene, layout, ends, strain, degree, elements)
+    nodes = points(degree)[0]
+    inside = (state.sigma[:, :1] + state.length[:, None] * nodes) / scene.belt.length
+    radius = np.array([pulley.radius for pulley in scene.pulleys])
+    elongations = np.zeros(radius.size)
+    r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(inside.shape)
+    part = np.clip(np.searchsorted(true, inside, side="right") - 1, 0, len(lengths) - 1)
+    for i, own in enumerate(string.parts):
+        here = part == i
+        fraction = np.clip((inside[here] - true[i]) / (true[i + 1] - true[i]), 0.0, 1.0)
+        x, y, theta[here], D = own.at(fraction)
+        r[here] = x + 1j * y
+        force = own.force[0] + fraction * (own.force[1] - own.force[0])
+        along[here] = np.maximum(force, LEAST_STRAIN * scene.belt.extensional_stiffness) * D
+        if own.part.touches and (own.part.kind == "stick" or elongations[own.part.pulley] == 0.0):
+            on = own.part.pulley
+            # The touching fibre's stretch is as much smaller as its radius is.
+            elongations[on] = own.stretches[0] * radius[on] / (radius[on] + scene.belt.contact_offset) - 1.0
+    drive(state, Driven(elongations, string.rate, np.array(string.take_ups)))
+    _press(state, along[:, :2].mean(axis=1))
+    return placed(state, r, theta)
+
+
+def _apart(layout: Layout, ends: Array) -> Array:
+    """Ends of parts, of which none takes less than a part `LEAST` of the contact that it is in."""
+    ends = ends.copy()
+    for pulley in layout.pulleys:
+        on = layout.on(pulley)
+        lengths = np.diff(ends[on[0] : on[-1] + 2])
+        grown = np.maximum(lengths, LEAST * lengths.sum())
+        lengths = grown * (lengths.sum() / grown.sum())
+        ends[on[0] + 1 : on[-1] + 1] = ends[on[0]] + np.cumsum(lengths)[:-1]
+    return ends
+
+
+def _press(state: State, tension: Array) -> None:
+    """Sets the pressure of a string of so much tension in each cell, and its friction where it slides."""
+    at, (radius, friction, _), touches = local(state.degree), state.pulleys, state.mesh.touches
+    p = np.where(touches, tension / (radius + state.scene.belt.contact_offset), 0.0)
+    state.values[:, at.p] = p[:, None]
+    state.values[:, at.f] = (-state.mesh.senses * friction * p)[:, None]

@@ -28,7 +28,8 @@ from belt_fenicsx.fitted.guess import LOWEST
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import answer
 from belt_fenicsx.fitted.run import METHOD, TOLERANCE, WARM, Run, Start, ways
-from belt_fenicsx.fitted.state import State, from_fields
+from belt_fenicsx.fitted.state import State
+from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.find import find

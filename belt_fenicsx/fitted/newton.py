@@ -20,7 +20,8 @@ from belt_fenicsx.fitted.dofs import Terms, local, loose_joint, table
 from belt_fenicsx.fitted.elements import points
 from belt_fenicsx.fitted.elimination import Condensed
 from belt_fenicsx.fitted.forms import CHORD, constants_of, forms, pulley_data, switches_of
-from belt_fenicsx.fitted.state import State, on_chords, sum_error, ways
+from belt_fenicsx.fitted.nodes import on_chords, sum_error, ways
+from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE
 from belt_fenicsx.scene.pulley import Pulley

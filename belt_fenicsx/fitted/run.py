@@ -24,11 +24,11 @@ import numpy as np
 
 from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, coarse, estimate
 from belt_fenicsx.fitted.dofs import local
-from belt_fenicsx.fitted.guess import LOWEST, solution_guess, string_guess
+from belt_fenicsx.fitted.guess import LOWEST, drive_guess, solution_guess, string_guess
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.reading import friction_suffices, samples
-from belt_fenicsx.fitted.state import State, from_fields
-from belt_fenicsx.fitted.state import from_drive as state_of_drive
+from belt_fenicsx.fitted.state import State
+from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
@@ -294,7 +294,7 @@ def from_string(run: Run, *, fixed_joints: bool = False) -> State:
 
 def from_drive(run: Run, degree: int) -> State:
     """From the exact string of a drive."""
-    guess = state_of_drive(run.scene, string_drive(run.scene), degree, run.elements)
+    guess = drive_guess(run.scene, string_drive(run.scene), degree, run.elements)
     run.stages.ran("string", "first guess")
     return run.converge(guess, "string", "the rows of the string")
 

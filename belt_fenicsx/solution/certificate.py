@@ -149,7 +149,7 @@ def certify(
     fields, errors = solution.fields, solution.field_errors
     parts = parts_of(fields, solution.zones)
     allowed = max(tolerance, balance) + min(sum(errors.get(name, 0.0) for name in ("Q", "M", "p", "f")), MOST)
-    checks = [_borders_in_order(solution), *_smallest_margins(solution, fields, parts, tolerance)]
+    checks = [_joints_in_order(solution), *_smallest_margins(solution, fields, parts, tolerance)]
     checks += _balances(solution, fields, parts, allowed)
     for contact in solution.contacts:
         checks += _drive_met(solution, contact, fields, parts, doubts[contact.pulley] if doubts else 0.0)
@@ -171,13 +171,13 @@ def _numbered(scene: Scene, pulley: int) -> int | None:
     return pulley if len(scene.pulleys) > 1 else None
 
 
-def _borders_in_order(solution: Solution) -> Check:
+def _joints_in_order(solution: Solution) -> Check:
     zones = solution.zones
     lengths = np.array([zone.sigma[1] - zone.sigma[0] for zone in zones]) / solution.scene.belt.length
     shortest = int(np.argmin(lengths))
     # A zone of no length may have ends that differ in their last digits.
     return Check(
-        name="borders in order",
+        name="joints in order",
         margin=float(lengths[shortest]),
         tolerance=ROUNDING / 16,
         x=float(zones[shortest].x[0]),

@@ -58,7 +58,7 @@ def field(
     style = {**STYLES.get(solution.method, {}), "label": NAMES.get(solution.method, solution.method), **style}
     along = along or _along(solution)
     ax.plot(table[along][1], values, **style)
-    mark_borders(solution, ax, along)
+    mark_joints(solution, ax, along)
     ax.set_xlabel("x [m]" if along == "x" else r"$\sigma$ [m]")
     ax.set_ylabel(f"{_meaning(name)}{_symbol(name)} [{unit}]")
     return ax
@@ -92,7 +92,7 @@ class NotebookFigure(Figure):
         return image.getvalue()
 
 
-def mark_borders(solution: Solution, ax: Axes, along: str | None = None) -> Axes:
+def mark_joints(solution: Solution, ax: Axes, along: str | None = None) -> Axes:
     """Marks run-up, transition and run-off by thin vertical lines."""
     for zone in solution.zones[1:]:
         ax.axvline(getattr(zone, along or _along(solution))[0], color="0.8", linewidth=0.8, zorder=0)

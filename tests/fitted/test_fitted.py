@@ -16,9 +16,9 @@ from belt_fenicsx.fitted import method as fitted
 from belt_fenicsx.fitted.dofs import Terms, local, table
 from belt_fenicsx.fitted.elements import gauss_basis, nodal_basis, points
 from belt_fenicsx.fitted.forms import SWITCHES
+from belt_fenicsx.fitted.guess import from_string
 from belt_fenicsx.fitted.newton import Newton, iteration_on, newton, switches
 from belt_fenicsx.fitted.reading import fields_at
-from belt_fenicsx.fitted.state import from_string
 from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
@@ -403,14 +403,14 @@ def test_neighbours_share_their_node():
     np.testing.assert_array_equal(numbers[1:, left], numbers[:-1, right])
 
 
-def test_switches_say_where_each_border_condition_holds():
+def test_switches_say_where_each_joint_condition_holds():
     _, state = started()
     on = switches(state.mesh, Terms())
     up, trans, off = state.mesh.ends
     column = {name: on[..., index] for index, name in enumerate(SWITCHES)}
     assert np.argwhere(column["tangent"]).tolist() == [[up - 1, 1], [off, 0]]
     assert np.argwhere(column["x"]).tolist() == [[trans, 0]]
-    assert np.argwhere(column["grip"]).tolist() == [[up - 1, 1]]
+    assert np.argwhere(column["surface"]).tolist() == [[up - 1, 1]]
     assert np.all(column["sense"][trans:off] == 1.0) and not column["sense"][:trans].any()
 
 

@@ -15,8 +15,8 @@ from belt_fenicsx.fitted import method as fitted
 from belt_fenicsx.fitted.dofs import Terms, local, table, terms_of, width
 from belt_fenicsx.fitted.elimination import levels
 from belt_fenicsx.fitted.forms import constants_of, residual_and_jacobian, switches_of
+from belt_fenicsx.fitted.guess import drive_guess
 from belt_fenicsx.fitted.newton import iteration_on, newton
-from belt_fenicsx.fitted.state import from_drive
 from belt_fenicsx.taut_string.drive import string_drive
 
 
@@ -53,7 +53,7 @@ def with_last(scene, **changed):
 def iterated(scene, degree=4):
     """A first guess, and an iteration on it."""
     plain, _ = scene.dimensionless()
-    state = from_drive(plain, string_drive(plain), degree)
+    state = drive_guess(plain, string_drive(plain), degree)
     moving = tuple(i for i, pulley in enumerate(plain.pulleys) if pulley.take_up)
     return plain, state, iteration_on(state.mesh, degree, state.terms, moving)
 

@@ -13,9 +13,10 @@ import pytest
 from belt_fenicsx import bvp, solve
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.elimination import Condensed
+from belt_fenicsx.fitted.guess import from_string
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import fields_at
-from belt_fenicsx.fitted.state import from_fields, from_string
+from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.kind import STICK, Part
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.scene.belt import Belt

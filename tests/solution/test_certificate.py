@@ -28,7 +28,7 @@ def violated(solution, **changed):
 def test_the_published_case_is_admissible(solution):
     assert solution.admissible
     assert [check.name for check in solution.checks] == [
-        "borders in order",
+        "joints in order",
         "no penetration outside contact",
         "positive pressure in contact",
         "Coulomb's bound in stick",

@@ -88,7 +88,7 @@ def test_the_string_is_admissible(side, turned, moved):
     balances, drives = ["balance of forces", "balance of moments"], ["drive met"]
     whole = ["loop closed", "balance of hub loads", "balance of power"]
     assert [(check.name, check.pulley) for check in solution.checks] == [
-        ("borders in order", None),
+        ("joints in order", None),
         *((name, pulley) for pulley in (0, 1) for name in on_each),
         *((name, pulley) for pulley in (0, 1) for name in balances),
         *((name, pulley) for pulley in (0, 1) for name in drives),
