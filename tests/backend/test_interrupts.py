@@ -154,9 +154,12 @@ def test_any_time(argv, count):
     for number in range(count):
         process = started(*argv)
         time.sleep(times.uniform(0.2, 2.0))
-        process.send_signal(interrupts.SIGNALS[number % 2])
+        sent = interrupts.SIGNALS[number % 2]
+        process.send_signal(sent)
         told = process.communicate(timeout=60)[1]
-        assert process.returncode in (0, 130, 143), told
+        # Python that is still starting ends by the signal itself, before the command line is there.
+        before = process.returncode == -sent and "belt_fenicsx/command" not in told
+        assert before or process.returncode in (0, 130, 143), told
         assert "Signal" not in told
 
 
