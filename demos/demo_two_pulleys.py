@@ -4,9 +4,10 @@
 # A closed belt runs round two pulleys. The first one is turned at a given speed and drives the belt; the second one is
 # driven by it, against a torque that grows with its speed. On each pulley, the belt first sticks and then slides before
 # it runs off: forward, faster than the pulley, where its tension grows, and backward where it falls. How far it slides
-# is what the torque asks for. The ratio of both speeds, the creep of the drive, follows.  The drive is a published one,
-# computed there as a transient motion by finite elements in time, until it is steady. Here, its steady motion is solved
-# for at once.
+# is what the torque asks for. The ratio of both speeds, the creep of the drive, follows.
+#
+# The drive is a published one, computed there as a transient motion by finite elements in time, until it is steady.
+# Here, its steady motion is solved for at once.
 
 # %%
 from __future__ import annotations

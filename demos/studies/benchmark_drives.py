@@ -2,9 +2,10 @@
 # # Run time of drives
 #
 # The same drives by all methods that solve them, one after another in the same run: a loop round two equal pulleys,
-# whose transport rate is known to twelve digits, and rings of two to sixteen pulleys.  python
-# demos/studies/benchmark_drives.py             prints the tables python demos/studies/benchmark_drives.py --readme
-# writes them into the README
+# whose transport rate is known to twelve digits, and rings of two to sixteen pulleys.
+#
+#     python demos/studies/benchmark_drives.py             prints the tables
+#     python demos/studies/benchmark_drives.py --readme    writes them into the README
 
 # %%
 from __future__ import annotations
