@@ -139,8 +139,8 @@ def least_resolved(solution: Solution, nodes: Array) -> Layer:
 def _layers(solution: Solution, nodes: Array) -> Iterator[Layer]:
     scene, fields, sizes = solution.scene, fields_of(solution), np.diff(nodes)
     clamps = [] if scene.closed else [(nodes[0], False), (nodes[-1], False)]
-    borders = [(zone.sigma[end], True) for c in solution.contacts for zone, end in ((c.zones[0], 0), (c.zones[-1], 1))]
-    for sigma, in_contact in (*clamps[:1], *borders, *clamps[1:]):
+    ends = [(zone.sigma[end], True) for c in solution.contacts for zone, end in ((c.zones[0], 0), (c.zones[-1], 1))]
+    for sigma, in_contact in (*clamps[:1], *ends, *clamps[1:]):
         element = float(sizes[np.clip(np.searchsorted(nodes, sigma) - 1, 0, len(sizes) - 1)])
         near = int(np.argmin(np.abs(fields.sigma - sigma)))
         x, strain = float(fields.x[near]), float(fields.D[near]) - 1.0

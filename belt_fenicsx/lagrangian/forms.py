@@ -3,50 +3,95 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from scipy.interpolate import CubicHermiteSpline
 
+from belt_fenicsx.backend import compat
+from belt_fenicsx.lagrangian.hermite import in_unit_cells
 from belt_fenicsx.lagrangian.newton import Newton
 from belt_fenicsx.lagrangian.nodes import map_slopes
 from belt_fenicsx.lagrangian.space import CONTACT_DEGREE, HermiteSpace
-from belt_fenicsx.lagrangian.state import State, slip_share
-from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.lagrangian.state import State
+from belt_fenicsx.lagrangian.taut import TautBelt
+from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.mechanics import contact, rod
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.solution.reading import directions
 
 # The strain energy is integrated with three Gauss points, which this degree takes, as in the source.
 ROD_DEGREE = 5
 
 
+class Terms(NamedTuple):
+    """What the forms of a scene have, beside numbers.
+
+    Attributes:
+        frictional: Whether some pulley has friction.
+        closed: Whether the belt is a loop.
+        offset: Whether another fibre than the middle line touches the pulleys.
+    """
+
+    frictional: bool = True
+    closed: bool = False
+    offset: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene) -> Terms:
+        """Those of a scene."""
+        return cls(any(p.friction > 0.0 for p in scene.pulleys), scene.closed, scene.belt.contact_offset != 0.0)
+
+
 class Problem:
     """Forms, function spaces and Newton solver for one number of elements; made once, serves every scene.
+
+    The mesh of a loop is a ring, on which the angle is a deviation from a uniform winding, as sigma is one from a
+    uniform mesh: so nothing jumps where it closes. Each element knows the pulley that it is nearest to.
 
     Attributes:
         nodes: Material-length coordinates of this rank's nodes, from left to right ``(cells + 1,)``.
         slopes: d sigma/d eta there ``(cells + 1,)``.
-        points: Material-length coordinates of the Gauss points between them ``(cells, points)``.
+        points: Material-length coordinates of the Gauss points of all ranks ``(elements, points)``.
+        weights: Their Gauss weights ``(elements, points)``.
+        near: Which elements are nearest to each pulley.
+        edges: Ends of the Gauss points' parts of those elements ``(cells points + 1,)`` for each pulley.
+        own: Which elements are this rank's.
     """
 
-    def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], *, frictional: bool) -> None:
-        self.elements, self.frictional = elements, frictional
-        self.space = space = HermiteSpace(elements, comm)
-        self.stiffness = {name: fem.Constant(space.mesh, np.float64(1.0)) for name in ("a", "b1", "b2")}
-        # One constant (R, xc, H): DOLFINx 0.5 numbers several in an expression by their hash, and compiles anew.
-        self.circle = fem.Constant(space.mesh, np.ones(3))
+    def __init__(self, elements: int, comm: MPI.Comm, options: Mapping[str, Any], terms: Terms) -> None:
+        self.elements, self.terms = elements, terms
+        self.space = space = HermiteSpace(elements, comm, closed=terms.closed)
+        self.stiffness, self.motion = (
+            {name: fem.Constant(space.mesh, np.float64(1.0)) for name in names}
+            for names in (("a", "b1", "b2"), ("density", "inertia"))
+        )
+        self.weight, self.winding = fem.Constant(space.mesh, np.ones(2)), fem.Constant(space.mesh, np.float64(0.0))
+        # The share of the belt before a point, and the pulley next to it: radius, centre, offset of the fibre.
+        self.share, self._share_dofs = space.cellwise(compat.broken(1))
+        self.circle, self._circle_dofs = space.cellwise(compat.broken(0, size=4))
         self.lambda_p, self.lambda_f, self.penalty = (fem.Function(space.gauss) for _ in range(3))
+        self.own = slice(space.first, space.first + len(space.eta))
+        shares = np.arange(space.first, self.own.stop + 1) / elements
+        self.share.x.array[self._share_dofs] = np.column_stack([shares[:-1], shares[1:]])
+        self.share.x.scatter_forward()
+        self._shares = shares if terms.closed else 0.0 * shares
 
         r, theta = ufl.split(space.w)
-        d_sigma = rod.along(space.sigma)
-        g = contact.penetration(r, radius=self.circle[0], center=ufl.as_vector([self.circle[1], self.circle[2]]))
-        self.residual = self._residual(r, theta, d_sigma, g)
+        slope = space.sigma.dx(0)
+        if terms.closed:
+            # In the last cell of a ring the mesh's coordinate runs backwards.
+            theta, slope = theta + self.winding * self.share, slope + self.share.dx(0)
+        d_sigma = rod.along_slope(slope)
+        self.fibre = contact.fibre(r, theta, offset=self.circle[3]) if terms.offset else r
+        D = rod.stretch(self.fibre, d_sigma)
+        center = ufl.as_vector([self.circle[1], self.circle[2]])
+        g = contact.penetration(self.fibre, radius=self.circle[0], center=center)
+        self.residual = self._residual(r, theta, d_sigma, abs(slope) if terms.closed else slope, g)
         self.jacobian = ufl.derivative(self.residual, space.w)
-        sigma, D = space.sigma, rod.stretch(r, d_sigma)
-        components = (sigma, sigma.dx(0), r[0], r[1], theta, *d_sigma(r), d_sigma(theta), d_sigma(D), g)
+        components = (r[0], r[1], theta, *d_sigma(r), d_sigma(theta), d_sigma(D), g, self.fibre[0])
         # UFL 2022 names forms by the numbers of their indices, which compiling counts up. So all names come first, lest
         # a form is compiled twice.
         for form in (self.residual, self.jacobian):
@@ -54,41 +99,75 @@ class Problem:
         self._state = fem.Expression(ufl.as_vector(components), space.points)
         self.newton = Newton(self.residual, self.jacobian, space.w, space.clamped, options)
 
-    def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, g: Any) -> Any:
-        """First variation (18.8) of strain energy, pressure and friction; in the last the tangent is not varied.
+    def _residual(self, r: Any, theta: Any, d_sigma: rod.Derivative, scale: Any, g: Any) -> Any:
+        """First variation (18.8) of strain energy, motion, weight, pressure and friction, whose tangent is not varied.
 
         Contact is integrated along the whole belt. On the half of it that is near the pulley alone, the Jacobian took
         9 % less time, the residual 14 %, and the state after it 60 %: 7 % of an update, for a zone that has to be
         guessed and watched.
         """
         space, w = self.space, self.space.w
-        scale, dx_rod, dx_contact = space.sigma.dx(0), space.dx(ROD_DEGREE), space.dx(CONTACT_DEGREE)
-        U = rod.strain_energy(rod.strains(r, theta, d_sigma), **self.stiffness) * scale * dx_rod
-        V = contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty) * scale * dx_contact
-        if not self.frictional:
-            return ufl.derivative(U + V, w)
-        frozen = fem.Function(w.function_space)
-        t = rod.tangent(ufl.split(frozen)[0], d_sigma)
-        V_f = contact.friction_potential(r, lambda_f=self.lambda_f, t=t) * scale * dx_contact
-        return ufl.replace(ufl.derivative(U + V + V_f, w), {frozen: w})
+        dx_rod, dx_contact = space.dx(ROD_DEGREE), space.dx(CONTACT_DEGREE)
+        strains = rod.strains(r, theta, d_sigma)
+        U, T = rod.strain_energy(strains, **self.stiffness), rod.kinetic_energy(strains, **self.motion)
+        V = contact.normal_potential(g, lambda_p=self.lambda_p, penalty=self.penalty)
+        energy = (U - T - ufl.dot(self.weight, r)) * scale * dx_rod + V * scale * dx_contact
+        F = ufl.derivative(energy, w)
+        if self.terms.frictional:
+            t, moved = (
+                rod.tangent(self.fibre, d_sigma),
+                ufl.derivative(self.fibre, w, ufl.TestFunction(w.function_space)),
+            )
+            F += contact.friction_potential(moved, lambda_f=self.lambda_f, t=t) * scale * dx_contact
+        return F
 
-    def load(self, scene: Scene, nodes: Array) -> None:
-        """Sets the parameters of a scene, the nodes' material-length coordinates ``(elements + 1,)`` and sigma(eta)."""
-        belt, self.pulley = scene.belt, scene.pulleys[0]
-        self.stiffness["a"].value = belt.bending_stiffness
-        self.stiffness["b1"].value = belt.extensional_stiffness
-        self.stiffness["b2"].value = belt.shear_stiffness
-        self.circle.value[:] = (self.pulley.radius, *self.pulley.center)
-        own = slice(self.space.first, self.space.first + len(self.space.eta) + 1)
-        self.nodes, self.slopes = nodes[own], map_slopes(nodes)[own]
-        self.space.set_map(self.nodes, self.slopes)
-        eta = self.space.first + np.arange(len(self.nodes))
-        self.points = CubicHermiteSpline(eta, self.nodes, self.slopes)(self.space.eta)
-        self._clamps = [end for end, node in ((0, nodes[0]), (-1, nodes[-1])) if self.nodes[end] == node]
+    def load(self, scene: Scene, taut: TautBelt, nodes: Array) -> None:
+        """Sets the parameters of a scene, the nodes' material-length coordinates ``(elements + 1,)`` and sigma(eta).
+
+        Args:
+            scene: The dimensionless scene.
+            taut: Its taut belt.
+            nodes: The coordinates of all nodes.
+        """
+        belt, space = scene.belt, self.space
+        self.belt = belt
+        for name, stiffness in (("a", "bending"), ("b1", "extensional"), ("b2", "shear")):
+            self.stiffness[name].value = getattr(belt, f"{stiffness}_stiffness")
+        self.weight.value[:] = belt.line_density * np.array(scene.gravity)
+        self.winding.value = self._winding = taut.winding
+        slopes = map_slopes(nodes, closed=scene.closed)
+        self.points, rates = in_unit_cells(nodes, slopes, space.points.ravel())
+        self.weights = rates * space.weights
+        here = slice(self.own.start, self.own.stop + 1)
+        self.nodes, self.slopes = nodes[here], slopes[here]
+        self._sizes = np.diff(self.nodes)
+        uniform = (self._shares - 0.5, 1.0 / self.elements) if scene.closed else (0.0, 0.0)
+        space.set_map(self.nodes - uniform[0], self.slopes - uniform[1])
+        bounds = np.searchsorted((nodes[1:] + nodes[:-1]) / 2.0, taut.watersheds).tolist()
+        self.near = [slice(*ends) for ends in zip(bounds[:-1], bounds[1:], strict=True)]
+        self.edges = [nodes[at.start] + np.append(0.0, np.cumsum(self.weights[at])) for at in self.near]
+        pulley = np.searchsorted(bounds[1:-1], np.arange(self.own.start, self.own.stop), side="right")
+        circles = np.array([[p.radius, *p.center, p.turn * belt.contact_offset] for p in scene.pulleys])
+        self._circles = circles[pulley]
+        self.circle.x.array[self._circle_dofs] = self._circles
+        self.circle.x.scatter_forward()
+        if scene.closed:
+            # A loop is free to run round; one component of one place keeps it where it is.
+            axis = int(abs(taut.direction[1]) > abs(taut.direction[0]))
+            self._along = taut.direction[axis]
+            self.newton.fix(space.first_node(axis))
+
+    def set_rate(self, rate: float) -> None:
+        """Sets the transport rate, on which the forces of inertia depend."""
+        self.motion["density"].value = self.belt.line_density * rate**2
+        self.motion["inertia"].value = self.belt.rotary_inertia * rate**2
 
     def set_state(self, values: Array, slopes: Array) -> None:
         """Sets x, y, theta and their derivatives by sigma at this rank's nodes ``(cells + 1, 3)``."""
-        self.space.set_state(values, slopes * self.slopes[:, np.newaxis])
+        values, slopes = values.copy(), slopes * self.slopes[:, np.newaxis]
+        values[:, 2] -= self._winding * self._shares
+        slopes[:, 2] -= self._winding / self.elements
+        self.space.set_state(values, slopes)
 
     def set_penalty(self, penalty: Array) -> None:
         """Sets the penalty at the Gauss points of the owned cells, ``(cells, points)`` or ``(cells, 1)``."""
@@ -97,20 +176,46 @@ class Problem:
     def set_multipliers(self, lambda_p: Array, lambda_f: Array) -> None:
         """Sets the multipliers at the Gauss points of the owned cells ``(cells, points)``."""
         self.space.set_gauss(self.lambda_p, lambda_p)
-        if self.frictional:
+        if self.terms.frictional:
             self.space.set_gauss(self.lambda_f, lambda_f)
+
+    def growth_at_support(self) -> float:
+        """By what the belt's force grows where a loop is held, which is nothing in the end; collective."""
+        if not self.terms.closed:
+            return 0.0
+        return -float(self.space.comm.allreduce(self.newton.reaction)) * self._along
 
     def state(self) -> State:
         """The present state at the Gauss points of the owned cells ``(cells, points)``."""
-        sigma, scale, x, y, theta, dx, dy, kappa, dD, g = np.moveaxis(self.space.at_gauss(self._state), -1, 0)
-        weight = scale * self.space.weights
-        share = slip_share(x, np.abs(dx) * weight, self.pulley)
-        return State(sigma, weight, x, y, theta, dx, dy, kappa, dD, g, share)
+        *place, dD, g, fibre_x = self.space.at_gauss(self._state).transpose(2, 0, 1)
+        weights, (values, slopes) = self.weights[self.own], self._nodal()
+        r_slope, d = places(slopes[:, :2]), self._circles[:, 3]
+        ends = r_slope[:-1], r_slope[1:]
+        if self.terms.offset:
+            spin = slopes[:, 2] * directions(values[:, 2])
+            ends = ends[0] + d * spin[:-1], ends[1] + d * spin[1:]
+        before, after = np.abs(ends)
+        # What D grows by in each cell is known better than from two points, whose errors would add up in stick.
+        dD = dD + ((after - before - sum((weights * dD).T)) / self._sizes)[:, np.newaxis]
+        stretch = ((before + after) / 2.0)[:, np.newaxis] + np.zeros_like(dD)
+        return State(self.points[self.own], weights, *place, dD, g, fibre_x, stretch)
 
-    def clamps(self) -> State:
-        """The present state at the clamps that this rank has, which are free and without weight ``(n,)``."""
-        values, slopes = self.space.nodal()[:, self._clamps]
-        (x, y, theta), (dx, dy, kappa) = values.T, (slopes / self.slopes[self._clamps, np.newaxis]).T
-        g = self.pulley.radius - np.hypot(x - self.pulley.center[0], y - self.pulley.center[1])
-        zero = np.zeros_like(x)
-        return State(self.nodes[self._clamps], zero, x, y, theta, dx, dy, kappa, zero, g, zero)
+    def ends(self) -> State:
+        """The present state at the belt's ends that this rank has, without weight ``(n,)``."""
+        ends = ((0, self.own.start == 0), (-1, self.own.stop == self.elements))
+        at = np.array([end for end, here in ends if here], dtype=int)
+        values, slopes = self._nodal()[:, at]
+        (x, y, theta), (dx, dy, kappa), (radius, xc, yc, d) = values.T, slopes.T, self._circles[at].T
+        fibre = x + 1j * y - 1j * d * directions(theta)
+        g, zero = radius - np.abs(fibre - xc - 1j * yc), np.zeros_like(x)
+        D = np.abs(dx + 1j * dy + d * kappa * directions(theta))
+        return State(self.nodes[at], zero, x, y, theta, dx, dy, kappa, zero, g, fibre.real, D)
+
+    def _nodal(self) -> Array:
+        """x, y, theta ``[0]`` and their derivatives by sigma ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""
+        nodal = self.space.nodal()
+        if self.terms.closed:
+            nodal[0, :, 2] += self._winding * self._shares
+            nodal[1, :, 2] += self._winding / self.elements
+        nodal[1] /= self.slopes[:, np.newaxis]
+        return nodal

@@ -1,6 +1,6 @@
 """The source's finite element method (18.2): a fixed mesh, and contact multipliers that an outer loop updates.
 
-Where the borders of the contact zone are is not known before, so a fine mesh starts from the solution on a coarser one
+Where the contact zone ends is not known before, so a fine mesh starts from the solution on a coarser one
 (`loop.Run`, on each of them), from which its errors are estimated, too (`accuracy`). Ranks share the meshes that are
 large enough for it; small ones the first rank solves alone. The answer is as good as the mesh, which knows the contact
 zone to a part of an element.
@@ -23,13 +23,13 @@ from mpi4py import MPI
 
 from belt_fenicsx.backend.ranks import agreed, on_first
 from belt_fenicsx.lagrangian.accuracy import fields_of, shortcoming, with_errors
-from belt_fenicsx.lagrangian.drive_loop import DriveRun
+from belt_fenicsx.lagrangian.forms import Terms
 from belt_fenicsx.lagrangian.loop import Run, Task
 from belt_fenicsx.lagrangian.nodes import coarsen, node_positions
 from belt_fenicsx.lagrangian.problems import problems, taking_turns
 from belt_fenicsx.lagrangian.take_ups import tensioned
+from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.lagrangian.tolerances import Tolerances
-from belt_fenicsx.lagrangian.track import Track
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
@@ -48,7 +48,7 @@ ELEMENTS, DRIVE_ELEMENTS = 100, 200
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.
 HALVINGS, COARSEST = 2, 8
 # A mesh of more than FINE nodes for each pulley starts from one of fewer elements by the factor COARSENING. From the
-# string, Newton's iteration would have to move the borders over many small elements; from a coarser mesh over few.
+# string, Newton's iteration would have to move its ends over many small elements; from a coarser mesh over few.
 FINE, COARSENING = 200, 4
 
 
@@ -83,12 +83,13 @@ def solve(
 
     def pose() -> tuple[Task, Units]:
         plain, units = scene.dimensionless()
-        nodes = _nodes(scene, plain, units, elements, mesh)
+        taut = TautBelt.of(plain)
+        nodes = _nodes(scene, plain, units, taut, elements, mesh)
         start, rate = None, 1.0
         if initial is not None and initial.fields is not None:
             before = initial.scene.dimensionless()[1]
             start, rate = initial.fields.in_units(before.inverse()), initial.transport_rate / before.rate
-        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances, rate), units
+        return Task(plain, nodes, start, rtol, tuple(options.items()), tolerances, taut, rate), units
 
     def text(posed: tuple[Task, Units]) -> str:
         # Starts may differ by rounding, so that only whether there is one has to be the same on all ranks.
@@ -101,18 +102,12 @@ def solve(
     return _judge(solution.in_units(scene, units), task.nodes * units.length, tolerances)
 
 
-def _is_drive(scene: Scene) -> bool:
-    """Whether a scene is more than the source's, which has forms and a reading of its own."""
-    return not scene.is_published or scene.pulleys[0].drive.kind != "x_trans"
-
-
-def _nodes(scene: Scene, plain: Scene, units: Units, elements: int | None, mesh: Any) -> Array:
-    """Positions of the nodes ``(elements + 1,)`` in the belt's length; those of a loop as `Track` counts them."""
-    if _is_drive(scene) and mesh is None:
-        track = Track.of(plain)
-        return track.nodes(plain, elements or max(DRIVE_ELEMENTS * len(scene.pulleys), track.elements(plain)))
+def _nodes(scene: Scene, plain: Scene, units: Units, taut: TautBelt, elements: int | None, mesh: Any) -> Array:
+    """Positions of the nodes ``(elements + 1,)`` in the belt's length; those of a loop as `TautBelt` counts them."""
+    if not scene.is_published and mesh is None:
+        return taut.nodes(plain, elements or max(DRIVE_ELEMENTS * len(scene.pulleys), taut.elements(plain)))
     nodes = _positions(scene, elements, mesh) / units.length
-    return Track.of(plain).rolled(nodes) if scene.closed else nodes
+    return taut.turned_nodes(nodes) if scene.closed else nodes
 
 
 def _positions(scene: Scene, elements: int | None, mesh: Any) -> Array:
@@ -137,7 +132,7 @@ def _solve_on_meshes(comm: MPI.Comm, task: Task) -> Solution:
             start, rate = solution.fields, solution.transport_rate
     solution = _solve_on_ranks(comm, task._replace(start=start, rate=rate))
     stages += solution.stages
-    if solution.fields is None and start is not None and task.start is None and _is_drive(task.scene):
+    if solution.fields is None and start is not None and task.start is None:
         # Pulleys that a coarse mesh hardly sees may lead a fine one astray.
         solution = _solve_on_ranks(comm, task)
         stages += solution.stages
@@ -173,15 +168,13 @@ def _solve_on_ranks(comm: MPI.Comm, task: Task) -> Solution:
 
 
 def _solve_on_mesh(task: Task, comm: MPI.Comm) -> Solution:
-    stages, scene = Stages(), task.scene
-    frictional, drive = any(pulley.friction > 0.0 for pulley in scene.pulleys), _is_drive(scene)
-    closed = scene.closed if drive else None
-    with problems(comm.py2f()).using(task.elements, task.options, frictional=frictional, closed=closed) as problem:
+    stages = Stages()
+    with problems(comm.py2f()).using(task.elements, task.options, Terms.of(task.scene)) as problem:
         stages.ran("set-up", "forms and spaces")
-        return (DriveRun if drive else Run)(problem, task, stages).solve()
+        return Run(problem, task, stages).solve()
 
 
-def _told(solution: Solution, nodes: Array) -> Array:
+def _nodes_of(solution: Solution, nodes: Array) -> Array:
     """Nodes in the coordinate of the solution, to half an element in a loop, where it begins at the first run-up."""
     if not solution.scene.closed:
         return nodes
@@ -197,7 +190,7 @@ def _judge(solution: Solution, nodes: Array, tolerances: Tolerances) -> Solution
     for contact in solution.contacts:
         check_transition(solution.scene, contact.x_up, contact.x_off, contact.pulley)
     solution = certified(solution, tolerance=tolerances.margin, balance=tolerances.balance, hub=tolerances.balance)
-    message = shortcoming(solution, _told(solution, nodes), tolerances.largest_error)
+    message = shortcoming(solution, _nodes_of(solution, nodes), tolerances.largest_error)
     if not message:
         return solution
     status = Status.ACCURACY_NOT_REACHED if solution.success else solution.status

@@ -1,4 +1,4 @@
-"""Multipliers of the contact, their update (18.12), (18.16), and the penalty factors that it takes."""
+"""Multipliers of the contact, and the penalty factors of their updates (18.12)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from belt_fenicsx.lagrangian.state import State
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.kind import Part
-from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 
 # Elements below this size, in the belt's length, have no larger penalty. Penetrations are known to rounding; with a
@@ -58,31 +55,3 @@ class Multipliers(NamedTuple):
 
     p: Array
     f: Array
-
-    def update(self, state: State, pulley: Pulley, *, penalty: Array, friction: float) -> Multipliers:
-        """The multipliers after one update.
-
-        Args:
-            state: The state that Newton's method found for these multipliers.
-            pulley: The pulley.
-            penalty: Penalty P of the pressure ``(cells, 1)``.
-            friction: Penalty P_f of the stick friction; zero leaves the friction out.
-        """
-        p = np.maximum(0.0, self.p + penalty * state.g)
-        if friction == 0.0:
-            return Multipliers(p=p, f=self.f)
-        bound = pulley.friction * p
-        stick = np.clip(_mean(self.f + friction * state.dD, state.weight * (p > 0.0)), -bound, bound)
-        slip = state.share * Part("slip", pulley.slip).sense * bound
-        return Multipliers(p=p, f=(1.0 - state.share) * stick - slip)
-
-
-def _mean(values: Array, weights: Array) -> Array:
-    """Mean over the points of each cell ``(cells, 1)``; zero where they have no weight.
-
-    A cubic on a circle has D' of opposite signs at a cell's two points, which falls with the third power of its size.
-    Little friction cannot make it zero at each of them: it comes to its bound at both, with opposite signs, and
-    nothing sticks.
-    """
-    whole = np.sum(weights, axis=1, keepdims=True)
-    return np.sum(weights * values, axis=1, keepdims=True) / np.where(whole > 0.0, whole, 1.0)

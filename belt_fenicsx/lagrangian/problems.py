@@ -11,8 +11,7 @@ from typing import Any
 from mpi4py import MPI
 
 from belt_fenicsx.backend.compiling import compiling
-from belt_fenicsx.lagrangian.drive_forms import DriveProblem
-from belt_fenicsx.lagrangian.forms import Problem
+from belt_fenicsx.lagrangian.forms import Problem, Terms
 from belt_fenicsx.scene.checks import SceneError, Verbatim
 
 Options = tuple[tuple[str, Any], ...]
@@ -34,25 +33,19 @@ class Problems:
 
     def __init__(self, comm: MPI.Comm, most: int = 32, most_elements: int = 100_000) -> None:
         self._comm, self._most, self._most_elements = comm, most, most_elements
-        self._kept: dict[tuple[int, Options, bool, bool | None], Any] = {}
+        self._kept: dict[tuple[int, Options, Terms], Problem] = {}
 
     @contextlib.contextmanager
-    def using(self, elements: int, options: Options, *, frictional: bool, closed: bool | None = None) -> Iterator[Any]:
-        """A problem to work with: the source's, or one for drives, which are ``closed`` or not.
-
-        It is collective, and so is its end, where another problem may have to go.
+    def using(self, elements: int, options: Options, terms: Terms) -> Iterator[Problem]:
+        """A problem to work with; collective, and so is its end, where another problem may have to go.
 
         What an error leaves behind nobody knows, so that its problem is not kept.
         """
-        key = (elements, options, frictional, closed)
+        key = (elements, options, terms)
         problem = self._kept.pop(key, None)
         if problem is None:
             with compiling():
-                shared = (elements, self._comm, dict(options))
-                if closed is None:
-                    problem = Problem(*shared, frictional=frictional)
-                else:
-                    problem = DriveProblem(*shared, frictional=frictional, closed=closed)
+                problem = Problem(elements, self._comm, dict(options), terms)
         yield problem
         self._kept[key] = problem
         while len(self._kept) > self._most or sum(key[0] for key in self._kept) > self._most_elements:

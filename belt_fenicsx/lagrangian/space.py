@@ -57,6 +57,8 @@ class HermiteSpace:
         self._dofs, self._sigma_dofs, self._gauss_dofs = (
             compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self.gauss)
         )
+        dofs = self._dofs[:, np.array([X_DOFS, Y_DOFS, THETA_DOFS])]
+        self._nodal_dofs = np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]]).transpose(2, 0, 1).copy()
         nodes = compat.nodes(self.mesh)[self._cells]
         self.first = round(nodes[0, 0])
         # Those of the first node alone in a ring.
@@ -89,9 +91,7 @@ class HermiteSpace:
 
     def nodal(self) -> Array:
         """x, y, theta ``[0]`` and their derivatives by eta ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""
-        dofs = self._dofs[:, np.array([X_DOFS, Y_DOFS, THETA_DOFS])]
-        values = self.w.x.array[np.concatenate([dofs[:, :, :2], dofs[-1:, :, 2:]])]
-        return np.moveaxis(values, -1, 0)
+        return self.w.x.array[self._nodal_dofs]
 
     def first_node(self, axis: int) -> Array:
         """Local dofs of x (0) or y (1) at the first node of a ring, on the ranks that know it."""
@@ -111,6 +111,13 @@ class HermiteSpace:
     def at_gauss(self, expression: fem.Expression) -> Array:
         """Values at the owned cells' Gauss points ``(cells, points, size)``."""
         return compat.evaluate(expression, self.mesh, self._cells).reshape(*self.eta.shape, -1)
+
+    def of_all_ranks(self, *arrays: Array) -> list[Array]:
+        """Values at the Gauss points of all cells ``(elements, points)``, from those of the owned ones."""
+        if self.comm.size == 1:
+            return list(arrays)
+        table = self.gather(np.stack(arrays, axis=-1).reshape(-1, len(arrays)))
+        return [column.reshape(-1, self.eta.shape[1]) for column in table.T]
 
     def gather(self, values: Array) -> Array:
         """Rows of all ranks ``(all, size)``, in the order of the ranks, from each rank's own ``(n, size)``."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from belt_fenicsx.lagrangian.loop import NAME, Task
+from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact
@@ -44,7 +45,8 @@ def tensioned(task: Task, solve: Callable[[Task], Solution]) -> Solution:
         return Solution(scene=scene, method=NAME, status=stopped.status, message=stopped.message)
     wanted = np.array([scene.pulleys[i].force or 0.0 for i in moving])
     for _ in range(MOST):
-        task = task._replace(scene=_standing(scene, moving, moves))
+        standing = _standing(scene, moving, moves)
+        task = task._replace(scene=standing, taut=TautBelt.of(standing))
         solution = solve(task)
         stages += solution.stages
         if solution.status is not Status.SOLVED and task.start is not None:

@@ -20,7 +20,7 @@ class Tolerances:
         newton_atol: Norm of the residual at which it ends whatever the start's is, over the extensional stiffness.
         penetration: Largest penetration, over the pulley's radius, per ``rtol``.
         penetration_range: Bounds of that largest penetration, whatever ``rtol`` is.
-        multiplier_change: Largest change of the multipliers in one update per ``rtol``. It sits near the borders and
+        multiplier_change: Largest change of the multipliers in one update per ``rtol``. It sits near the joints and
             alternates in sign: omega, which feels its resultant, is closer to its limit by four to five digits.
         resultant_factor: Factor on the resultant of the friction's change, which omega feels at once.
         rounding: Share of the nodal forces' rounding errors that does not cancel in the pressure; on 4e5 elements it

@@ -230,8 +230,8 @@ FITTED_SET_UP = (
     "for degree in (4, 6, 8): Iteration(mesh, degree, Terms(), ())",
 )
 FIXED_SET_UP = (
-    "from mpi4py import MPI\nfrom belt_fenicsx.lagrangian.forms import Problem",
-    "Problem(100, MPI.COMM_SELF, {}, frictional=True)",
+    "from mpi4py import MPI\nfrom belt_fenicsx.lagrangian.forms import Problem, Terms",
+    "Problem(100, MPI.COMM_SELF, {}, Terms())",
 )
 
 

@@ -7,7 +7,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from belt_fenicsx import Scene
-from belt_fenicsx.lagrangian.forms import Problem
+from belt_fenicsx.lagrangian.forms import Problem, Terms
+from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.mechanics import rod
 
 ELEMENTS = 8
@@ -18,10 +19,10 @@ GRADES = {"uniform": np.zeros(ELEMENTS), "graded": 0.1 * np.array([0, 1, 2, 3, 3
 
 @pytest.fixture(scope="module", params=GRADES)
 def problem(request):
-    problem = Problem(ELEMENTS, MPI.COMM_SELF, {}, frictional=True)
+    problem = Problem(ELEMENTS, MPI.COMM_SELF, {}, Terms())
     scene = Scene().dimensionless()[0]
     sizes = np.exp(-GRADES[request.param])
-    problem.load(scene, np.append(0.0, np.cumsum(sizes)) / np.sum(sizes) - 0.5)
+    problem.load(scene, TautBelt.of(scene), np.append(0.0, np.cumsum(sizes)) / np.sum(sizes) - 0.5)
     nodes, size = problem.nodes, problem.slopes[:, np.newaxis]
     # A bent, stretched and sheared belt, partly inside the pulley.
     values = np.column_stack([1.04 * nodes, 0.11 * np.cos(np.pi * nodes), -0.3 * np.sin(np.pi * nodes)])

@@ -10,9 +10,9 @@ from drives import REFERENCE, differences, drive
 from mpi4py import MPI
 
 from belt_fenicsx import Pulley, Scene, SceneError, Status, solve
-from belt_fenicsx.lagrangian.grip import Points, gripped
+from belt_fenicsx.lagrangian.friction import Points, friction_on
 from belt_fenicsx.lagrangian.mesh import unit_cells
-from belt_fenicsx.lagrangian.track import Track
+from belt_fenicsx.lagrangian.taut import TautBelt
 
 solve_fixed = functools.partial(solve, method="augmented-lagrangian")
 
@@ -231,40 +231,41 @@ def test_a_take_up_beyond_what_the_mesh_can_do_says_why():
         assert not solution.success and said in solution.message
 
 
-def points(p, held):
-    p, held, cells = (np.outer(values, [1.0, 1.0]) for values in (p, held, np.ones(len(p))))
+def points(p, trial):
+    p, trial, cells = (np.outer(values, [1.0, 1.0]) for values in (p, trial, np.ones(len(p))))
     sigma = np.arange(len(p))[:, np.newaxis] + np.array([0.2, 0.8])
-    return Points(sigma=sigma, weight=cells / 2.0, x=sigma, g=0.0 * p, stretch=1.03 * cells, held=held, p=p, f=0.0 * p)
+    edges = np.arange(2 * len(p) + 1) / 2.0
+    return Points(sigma, cells / 2.0, edges, x=sigma, g=0.0 * p, stretch=1.03 * cells, p=p, trial=trial)
 
 
-@pytest.mark.parametrize("force", [-3.1, -1.0, -0.2, 0.0, 0.3, 2.2])
-def test_sliding_gives_the_force_that_is_asked_for(force):
-    at = points(p=[0.0, 4.0, 8.0, 4.0, 0.0], held=[0.0, -0.4, 0.1, 0.3, 0.0])
-    grip = gripped(Pulley(friction=0.25), at, force)
-    assert -np.sum(at.weight * grip.f) == pytest.approx(force, abs=1e-14)
-    assert grip.lacking == 0.0
-    assert np.all(np.abs(grip.f) <= 0.25 * at.p + 1e-15)
+@pytest.mark.parametrize("growth", [-3.1, -1.0, -0.2, 0.0, 0.3, 2.2])
+def test_sliding_gives_the_force_that_is_asked_for(growth):
+    at = points(p=[0.0, 4.0, 8.0, 4.0, 0.0], trial=[0.0, -0.4, 0.1, 0.3, 0.0])
+    friction = friction_on(Pulley(friction=0.25), at, growth)
+    assert friction.growth == pytest.approx(growth, abs=1e-14)
+    assert friction.shortfall == 0.0
+    assert np.all(np.abs(friction.f) <= 0.25 * at.p + 1e-15)
     # What slides is what lies before the run-off.
-    assert np.all(np.diff(grip.share.ravel()[2:8]) >= 0.0)
+    assert np.all(np.diff(friction.share.ravel()[2:8]) >= 0.0)
 
 
-def test_friction_lacks_what_is_beyond_its_bound():
-    at = points(p=[4.0, 8.0, 4.0], held=[0.0, 0.0, 0.0])
-    assert gripped(Pulley(friction=0.25), at, 5.0).lacking == pytest.approx(1.0)
+def test_friction_falls_short_of_what_is_beyond_its_bound():
+    at = points(p=[4.0, 8.0, 4.0], trial=[0.0, 0.0, 0.0])
+    assert friction_on(Pulley(friction=0.25), at, 5.0).shortfall == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", ["two-equal", "serpentine", "open-S"])
 def test_the_taut_belt_is_a_path(name):
     scene, _ = drive(name).dimensionless()
-    track = Track.of(scene)
+    taut = TautBelt.of(scene)
     sigma = np.linspace(-0.5, 0.5, 20_001)
-    values, slopes = track.state(sigma)
-    assert np.hypot(slopes[:, 0], slopes[:, 1]) == pytest.approx(track.stretch, rel=1e-13)
+    values, slopes = taut.state(sigma)
+    assert np.hypot(slopes[:, 0], slopes[:, 1]) == pytest.approx(taut.stretch, rel=1e-13)
     middle = (values[1:, :2] - values[:-1, :2]) / np.diff(sigma)[:, None]
     assert np.max(np.abs(middle - (slopes[1:, :2] + slopes[:-1, :2]) / 2.0)) < 1e-3
     if scene.closed:
         assert values[-1, :2] == pytest.approx(values[0, :2], abs=1e-13)
-        assert values[-1, 2] - values[0, 2] == pytest.approx(track.winding)
-    nodes = track.nodes(scene, 100)
+        assert values[-1, 2] - values[0, 2] == pytest.approx(taut.winding)
+    nodes = taut.nodes(scene, 100)
     assert nodes[[0, -1]].tolist() == [-0.5, 0.5]
     assert np.all(np.diff(nodes) > 0.0)

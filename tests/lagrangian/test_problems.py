@@ -20,6 +20,7 @@ from petsc4py import PETSc
 
 import belt_fenicsx
 from belt_fenicsx import Belt, Pulley, Scene, SceneError
+from belt_fenicsx.lagrangian.forms import Terms
 from belt_fenicsx.lagrangian.problems import Problems
 
 solve = functools.partial(belt_fenicsx.solve, method="augmented-lagrangian")
@@ -63,12 +64,12 @@ def test_a_solve_that_was_interrupted_spoils_none_after_it(monkeypatch, interrup
 
 def test_a_problem_is_kept_unless_an_error_came_between():
     kept = Problems(MPI.COMM_SELF)
-    with kept.using(20, (), frictional=True) as first:
+    with kept.using(20, (), Terms()) as first:
         pass
-    with pytest.raises(ArithmeticError), kept.using(20, (), frictional=True) as again:
+    with pytest.raises(ArithmeticError), kept.using(20, (), Terms()) as again:
         assert again is first
         raise ArithmeticError
-    with kept.using(20, (), frictional=True) as other:
+    with kept.using(20, (), Terms()) as other:
         assert other is not first
 
 
@@ -76,7 +77,7 @@ def test_problems_are_kept_up_to_a_number_of_elements():
     kept = Problems(MPI.COMM_SELF, most_elements=70)
     used = []
     for elements in (30, 40, 30, 50, 80, 30):
-        with kept.using(elements, (), frictional=True) as problem:
+        with kept.using(elements, (), Terms()) as problem:
             used.append(problem)
     # 50 fits beside neither 40 nor 30, and 80 alone is too large.
     assert used[2] is used[0]
@@ -110,7 +111,7 @@ def test_problems_that_are_no_longer_kept_are_freed():
     kept = Problems(MPI.COMM_WORLD, most=2)
     references = []
     for elements in range(20, 28):
-        with kept.using(elements, (), frictional=True) as problem:
+        with kept.using(elements, (), Terms()) as problem:
             references.append((weakref.ref(problem), weakref.ref(problem.space.mesh)))
     del problem
     gc.collect()

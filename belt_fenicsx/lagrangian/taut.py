@@ -24,7 +24,7 @@ MOST = 10_000  # More elements are for those who ask for them.
 
 
 @dataclass(frozen=True)
-class Track:
+class TautBelt:
     """The taut middle line of a dimensionless belt, uniformly stretched.
 
     A loop begins in the middle of its last span, where nothing happens.
@@ -42,7 +42,7 @@ class Track:
     winding: float
 
     @classmethod
-    def of(cls, scene: Scene) -> Track:
+    def of(cls, scene: Scene) -> TautBelt:
         """That of a dimensionless scene."""
         path = taut_path(scene)
         pieces: list[Arc | Line] = []
@@ -104,7 +104,7 @@ class Track:
             slopes[here] = np.column_stack([self.stretch * np.cos(phi), self.stretch * np.sin(phi), 0.0 * phi + rate])
         return values, slopes
 
-    def rolled(self, nodes: Array) -> Array:
+    def turned_nodes(self, nodes: Array) -> Array:
         """Nodes of a loop that are counted from its first run-up, from the one next to the middle of the last span."""
         first = int(np.argmin(np.abs(nodes + self.ends[1])))
         moved = np.concatenate([nodes[first:], nodes[1 : first + 1] + 1.0])
@@ -116,6 +116,17 @@ class Track:
         size = min(RESOLVED * bending_layer(scene, self.strain), min(lengths) / (2 * FEWEST))
         _, count = self._counted(scene, COUNTED)
         return min(MOST, math.ceil(count[-1] / size))
+
+    def too_few_elements(self, nodes: Array) -> str:
+        """What is to be said of a mesh with few elements on some pulley; empty where there are enough."""
+        middles, on = (nodes[1:] + nodes[:-1]) / 2.0, self.touching
+        lengths = np.array([self.ends[i + 1] - self.ends[i] for i in on])
+        counts = lengths / np.interp([(self.ends[i] + self.ends[i + 1]) / 2.0 for i in on], middles, np.diff(nodes))
+        pulley = int(np.argmin(counts))
+        if counts[pulley] >= FEWEST:
+            return ""
+        wanted = math.ceil(FEWEST / counts[pulley] * (len(nodes) - 1))
+        return f"; the taut belt has {counts[pulley]:.2g} elements on pulley {pulley}, {wanted} of all would do there"
 
     def nodes(self, scene: Scene, elements: int) -> Array:
         """Nodes of elements that are smaller where contact begins and ends, and at clamps ``(elements + 1,)``."""
