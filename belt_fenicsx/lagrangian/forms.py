@@ -141,6 +141,7 @@ class Problem:
         here = slice(self.own.start, self.own.stop + 1)
         self.nodes, self.slopes = nodes[here], slopes[here]
         self._sizes = np.diff(self.nodes)
+        self._graded = not scene.is_published
         uniform = (self._shares - 0.5, 1.0 / self.elements) if scene.closed else (0.0, 0.0)
         space.set_map(self.nodes - uniform[0], self.slopes - uniform[1])
         bounds = np.searchsorted((nodes[1:] + nodes[:-1]) / 2.0, taut.watersheds).tolist()
@@ -188,17 +189,18 @@ class Problem:
     def state(self) -> State:
         """The present state at the Gauss points of the owned cells ``(cells, points)``."""
         *place, dD, g, fibre_x = self.space.at_gauss(self._state).transpose(2, 0, 1)
-        weights, (values, slopes) = self.weights[self.own], self._nodal()
-        r_slope, d = places(slopes[:, :2]), self._circles[:, 3]
-        ends = r_slope[:-1], r_slope[1:]
+        weights, (values, slopes), d = self.weights[self.own], self._nodal(), self._circles[:, 3]
+        slope, slope_inside = places(slopes[:, :2]), place[3] + 1j * place[4]
+        before, after = slope[:-1], slope[1:]
         if self.terms.offset:
             spin = slopes[:, 2] * directions(values[:, 2])
-            ends = ends[0] + d * spin[:-1], ends[1] + d * spin[1:]
-        before, after = np.abs(ends)
+            before, after = before + d * spin[:-1], after + d * spin[1:]
+            slope_inside += d[:, np.newaxis] * place[5] * directions(place[2])
+        before, after, stretch = np.abs(before), np.abs(after), np.abs(slope_inside)
         # What D grows by in each cell is known better than from two points, whose errors would add up in stick.
         dD = dD + ((after - before - sum((weights * dD).T)) / self._sizes)[:, np.newaxis]
-        stretch = ((before + after) / 2.0)[:, np.newaxis] + np.zeros_like(dD)
-        return State(self.points[self.own], weights, *place, dD, g, fibre_x, stretch)
+        level = ((before + after) / 2.0)[:, np.newaxis] + np.zeros_like(dD) if self._graded else stretch
+        return State(self.points[self.own], weights, *place, dD, g, fibre_x, stretch, level)
 
     def ends(self) -> State:
         """The present state at the belt's ends that this rank has, without weight ``(n,)``."""
@@ -209,7 +211,7 @@ class Problem:
         fibre = x + 1j * y - 1j * d * directions(theta)
         g, zero = radius - np.abs(fibre - xc - 1j * yc), np.zeros_like(x)
         D = np.abs(dx + 1j * dy + d * kappa * directions(theta))
-        return State(self.nodes[at], zero, x, y, theta, dx, dy, kappa, zero, g, fibre.real, D)
+        return State(self.nodes[at], zero, x, y, theta, dx, dy, kappa, zero, g, fibre.real, D, D)
 
     def _nodal(self) -> Array:
         """x, y, theta ``[0]`` and their derivatives by sigma ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""

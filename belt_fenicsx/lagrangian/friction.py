@@ -32,6 +32,7 @@ class Points(NamedTuple):
         x: Global coordinate x of the touching fibre.
         g: Penetration.
         stretch: Stretch of the touching fibre.
+        level: The same, as friction keeps it in stick.
         p: Pressure.
         trial: Friction that would keep the stretch.
     """
@@ -42,6 +43,7 @@ class Points(NamedTuple):
     x: Array
     g: Array
     stretch: Array
+    level: Array
     p: Array
     trial: Array
 
@@ -72,12 +74,30 @@ class Friction:
         return -float((self.at.weight * self.f).sum())
 
     @functools.cached_property
-    def stretch(self) -> float:
-        """Stretch in stick, or where sliding begins of a belt that sticks nowhere."""
+    def level(self) -> float | None:
+        """Stretch in stick; None where the belt sticks nowhere."""
         sticks = (self.share == 0.0) & (np.abs(self.f) < self.bound)
-        if sticks.any():
-            return float(np.average(self.at.stretch[sticks], weights=self.at.weight[sticks]))
-        return _stretch_at_transition(self.at, self.share if self.bound.any() else np.ones_like(self.share))
+        return float(np.average(self.at.level[sticks], weights=self.at.weight[sticks])) if sticks.any() else None
+
+    @property
+    def transition(self) -> float:
+        """Where the sliding before the run-off begins, or would begin in front of the first point or behind the last.
+
+        It may do so within two points' parts of their cells.
+        """
+        share, weight, edges = self.share.ravel(), self.at.weight.ravel(), self.at.edges
+        last = int(np.argmax(share >= 0.5)) if share.max() >= 0.5 else share.size - 1
+        partial = slice(max(0, last - 1), last + 1)
+        return float(edges[last + 1] - share[partial] @ weight[partial])
+
+    @property
+    def stretch(self) -> float:
+        """Stretch in stick, or that of a belt that sticks nowhere, at the point where sliding begins."""
+        if self.level is not None:
+            return self.level
+        sigma, touching = self.at.sigma.ravel(), np.flatnonzero(self.at.p > 0.0)
+        begins = np.searchsorted(sigma[touching], self.transition if self.bound.any() else -np.inf)
+        return float(self.at.stretch.ravel()[touching[min(begins, touching.size - 1)]])
 
 
 def friction_on(pulley: Pulley, at: Points, growth: float | None) -> Friction:
@@ -90,19 +110,6 @@ def friction_on(pulley: Pulley, at: Points, growth: float | None) -> Friction:
     else:
         sense, share, shortfall = _share_of_growth(at.weight * bound, at.weight * sticking, growth)
     return Friction(at, (1.0 - share) * sticking - sense * share * bound, bound, share, sense, shortfall)
-
-
-def _stretch_at_transition(at: Points, share: Array) -> float:
-    """Stretch where sliding begins, of a belt that sticks nowhere; at its run-up, if it slides all along."""
-    inside = np.flatnonzero(np.all(at.p > 0.0, axis=1))
-    cells = inside[np.all(share[inside] > 0.0, axis=1)]
-    if cells.size < 2:
-        return float(at.stretch.ravel()[np.argmax(at.p)])
-    # Cells know their mean stretch, and the first cell in contact is part free.
-    (one, other), stretch = at.sigma[cells[:2]].mean(axis=1), at.stretch[cells[:2], 0]
-    first = int(np.argmax(at.p.ravel() > 0.0))
-    start = lift_off(at.sigma.ravel(), at.g.ravel(), first, -1) if cells[0] == inside[0] else one
-    return float(stretch[0] + (stretch[1] - stretch[0]) * (start - one) / (other - one))
 
 
 def _mean_trial(at: Points) -> Array:
@@ -158,7 +165,7 @@ def _share_behind_place(pulley: Pulley, at: Points) -> Array:
         angle = np.append(0.0, np.cumsum(at.weight * at.stretch / pulley.radius))
         off = lift_off(at.sigma.ravel(), at.g.ravel(), int(touching[-1]), 1)
         start = float(np.interp(np.interp(off, edges, angle) - place, angle, edges))
-    return np.minimum(np.maximum((edges[1:] - start) / at.weight.ravel(), 0.0), 1.0).reshape(at.x.shape)
+    return np.minimum(np.maximum((at.sigma - start) / at.weight + 0.5, 0.0), 1.0)
 
 
 def lift_off(sigma: Array, g: Array, last: int, outwards: int) -> float:
@@ -177,5 +184,5 @@ def lift_off(sigma: Array, g: Array, last: int, outwards: int) -> float:
     if far_gap <= gap:
         return float(sigma[near] + sigma[touching]) / 2.0
     place = float(sigma[near] + (sigma[near] - sigma[far]) * gap / (far_gap - gap))
-    inside = float(0.9 * sigma[touching] + 0.1 * sigma[near])
+    inside = float(sigma[touching] + sigma[max(0, touching - outwards)]) / 2.0
     return max(place, inside) if outwards > 0 else min(place, inside)

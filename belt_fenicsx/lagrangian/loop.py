@@ -192,7 +192,7 @@ class Run:
         """Steps 3b to 3d. All ranks see the whole belt in the last two."""
         old, penalty, problem = self.multipliers, np.minimum(self.penalty, self.limit), self.problem
         p, trial = np.maximum(0.0, old.p + penalty * state.g), old.f + self.penalties.friction * state.dD
-        columns = problem.space.of_all_ranks(state.fibre_x, state.g, state.stretch, p, trial)
+        columns = problem.space.of_all_ranks(state.fibre_x, state.g, state.stretch, state.level, p, trial)
         points = [
             Points(problem.points[near], problem.weights[near], edges, *(column[near] for column in columns))
             for near, edges in zip(problem.near, problem.edges, strict=True)

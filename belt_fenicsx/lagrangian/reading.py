@@ -77,26 +77,37 @@ def answer(scene: Scene, taut: TautBelt, state: State, multipliers: Multipliers,
         drives: Friction on each pulley, and the transport rate.
     """
     runs: list[Run] = []
+    starts: list[float] = []
     first = 1
     for index, friction in enumerate(drives.frictions):
         near = slice(first, first + friction.f.size)
-        runs += _on_pulley(scene.pulleys[index], index, near, state, multipliers, friction)
+        on_pulley = _on_pulley(scene.pulleys[index], index, near, state, multipliers, friction)
+        up, off = on_pulley[0].end, on_pulley[-1].end
+        starts.append(min(max(up, friction.transition), off) if scene.pulleys[index].friction else up)
+        runs += on_pulley
         first = near.stop
     runs.append(Run(FREE, 0.5, len(state.sigma)))
     zone = np.repeat(np.arange(float(len(runs))), np.diff([0, *(run.next for run in runs)]))
     points = Points(state.sigma, *state[2:8], *multipliers, state.weight, zone)
+    # Of a belt that sticks nowhere, the stretch where it begins to slide, which the points know to a part of a cell.
+    (_, _, theta), (dx, dy, kappa) = (columns.T for columns in points.at(np.array(starts)))
+    offsets = np.array([pulley.turn * scene.belt.contact_offset for pulley in scene.pulleys])
+    begun = np.abs(dx + 1j * dy + offsets * kappa * np.exp(1j * theta)).tolist()
+    stretches = [friction.level or start for friction, start in zip(drives.frictions, begun, strict=True)]
     if scene.closed:
         points, runs = _from_run_up(points, runs, taut.winding)
     ends = np.array([-0.5, *(run.end for run in runs)])
-    return _read(scene, [run.part for run in runs], ends, points, drives)
+    return _read(scene, [run.part for run in runs], ends, points, drives, stretches)
 
 
-def _read(scene: Scene, parts: Sequence[Part], ends: Array, points: Points, drives: Drives) -> dict[str, Any]:
-    """What `answer` gives, from the parts of the belt and their ends ``(len(parts) + 1,)``."""
+def _read(
+    scene: Scene, parts: Sequence[Part], ends: Array, points: Points, drives: Drives, stretches: Sequence[float]
+) -> dict[str, Any]:
+    """What `answer` gives, from the parts of the belt, their ends ``(len(parts) + 1,)``, and each pulley's stretch."""
     rate = drives.rate
     omegas = tuple(
-        pulley.drive.by("omega") if pulley.drive.kind == "omega" else rate * friction.stretch / pulley.radius
-        for pulley, friction in zip(scene.pulleys, drives.frictions, strict=True)
+        pulley.drive.by("omega") if pulley.drive.kind == "omega" else rate * stretch / pulley.radius
+        for pulley, stretch in zip(scene.pulleys, stretches, strict=True)
     )
     touched = [scene.pulleys[part.pulley] if part.touches else None for part in parts]
     offsets = np.array([pulley.turn * scene.belt.contact_offset if pulley else 0.0 for pulley in touched])
@@ -143,9 +154,11 @@ def _placed(contact: Contact, pulley: Pulley) -> Contact:
 
 def _from_run_up(points: Points, runs: Sequence[Run], winding: float) -> tuple[Points, list[Run]]:
     """Points and parts of a loop that begin at its first run-up and end there again, the whole angle later."""
-    start, table = runs[0].end, np.column_stack(points)[1:-1]
-    (place,), (slope,) = points.at(np.array([start]))
+    table = np.column_stack(points)[1:-1]
     before = int(np.searchsorted(points.zone[1:-1], 0.0, side="right"))
+    # The end of contact may lie behind the first point that touches, but points increase.
+    start = min(runs[0].end, float(table[before - 1 : before + 1, 0] @ [0.1, 0.9]))
+    (place,), (slope,) = points.at(np.array([start]))
     turned = table[:before].copy()
     turned[:, [0, 3]] += 1.0, winding
     # The part before the first run-up is that behind the last run-off.
@@ -182,7 +195,6 @@ def _on_pulley(
         return [*runs, Run(Part("slip", pulley=index), off, near.start + last + 1)]
     within = np.where(np.abs(f) < pulley.friction * p, STICKS, np.where(f < 0.0, FORWARD, BACKWARD))
     kinds = _absorb_short_runs(np.where(share >= 0.5, SLIDES, within)[first : last + 1])
-    weight, edges = state.weight[near], friction.at.edges[1:]
     for stop in _ends(kinds):
         kind, point = int(kinds[stop - 1]), first + stop
         sticks, sense = kind == STICKS, friction.sense if kind == SLIDES else float(kind)
@@ -190,11 +202,9 @@ def _on_pulley(
         if point > last:
             end = off
         elif kinds[stop] == SLIDES:
-            # The point that slides by a share only is this one or the one before.
-            partial = point - 1 if share[point - 1] > 0.0 else point
-            end = float(edges[partial] - share[partial] * weight[partial])
+            end = friction.transition
         else:
-            end = float(edges[point - 1])
+            end = float(friction.at.edges[point])
         if runs[-1].part == part:
             runs.pop()
         runs.append(Run(part, end, near.start + point))

@@ -25,7 +25,8 @@ class State(NamedTuple):
         dD: D' of the fibre that would touch the nearest pulley.
         g: Penetration into the nearest pulley, negative outside.
         fibre_x: Global coordinate x of the fibre.
-        stretch: Stretch D of the fibre; its mean at both ends of a cell, where it is the same all along in stick.
+        stretch: Stretch D of the fibre.
+        level: D as friction keeps it the same all along in stick: see `Problem.state`.
     """
 
     sigma: Array
@@ -40,3 +41,4 @@ class State(NamedTuple):
     g: Array
     fibre_x: Array
     stretch: Array
+    level: Array

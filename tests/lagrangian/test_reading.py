@@ -33,9 +33,9 @@ def made_up(scene: Scene, odd: list[int], f: float = 0.0) -> dict[str, Any]:
     state = State(
         sigma=sigma, weight=np.concatenate([[0.0], np.diff(edges), [0.0]]), x=STRETCH * sigma, y=zero, theta=zero,
         dx=zero + STRETCH, dy=zero, kappa=zero, dD=zero, g=-(np.maximum(np.abs(sigma) - BORDER, 0.0) ** 2),
-        fibre_x=STRETCH * sigma, stretch=zero + STRETCH,
+        fibre_x=STRETCH * sigma, stretch=zero + STRETCH, level=zero + STRETCH,
     )  # fmt: skip
-    cells = {name: getattr(state, name)[inside].reshape(-1, 2) for name in ("sigma", "weight", "g", "stretch")}
+    cells = {name: getattr(state, name)[inside].reshape(-1, 2) for name in ("sigma", "weight", "g", "stretch", "level")}
     p_in, f_in, share_in = (values[inside].reshape(-1, 2) for values in (p, friction, share))
     at = Points(**cells, edges=edges, x=STRETCH * cells["sigma"], p=p_in, trial=f_in)
     drives = Drives(scene, 1.0, [0.0])
