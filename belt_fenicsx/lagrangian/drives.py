@@ -45,6 +45,11 @@ class Drives:
             row[before] -= 1.0
             row[after] += 1.0
 
+    @property
+    def ask_for_forces(self) -> bool:
+        """Whether forces have to be found; between clamps, places leave nothing to be met."""
+        return not all(pulley.drive.is_place for pulley in self.scene.pulleys)
+
     def update(self, points: Sequence[Points], gap: float) -> float:
         """Finds friction on all pulleys and the transport rate anew.
 
@@ -59,8 +64,7 @@ class Drives:
         growths = [None if p.drive.is_place else g for p, g in zip(pulleys, self.growths.tolist(), strict=True)]
         frictions = [friction_on(*row) for row in zip(pulleys, points, growths, strict=True)]
         forces = np.array([gap])
-        # Between clamps, places leave nothing to be met.
-        if any(growth is not None for growth in growths):
+        if self.ask_for_forces:
             forces, self.rate, frictions, overloaded = self._meet(points, frictions, gap)
         self.frictions, self.overloaded = frictions, overloaded
         self.growths = np.array([friction.growth for friction in frictions])

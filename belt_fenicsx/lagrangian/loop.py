@@ -1,7 +1,7 @@
 """The augmented-Lagrangian method on one mesh: Newton's iteration, and updates of the multipliers between.
 
 1. Begin with the fields of another solution, and leave step 2 out; or with the taut string.
-2. With a relaxed penalty, with which Newton's iteration follows best as friction comes: some updates as in step 3.
+2. With a relaxed penalty, with which Newton's iteration follows best as friction comes: one update or two as in step 3.
 3. With a penalty P that grows to its full value, until multipliers and penetration are at rest:
    a. Newton's iteration, loosely converged.
    b. lambda_p <- max(0, lambda_p + P g), the signed form of (18.12).
@@ -46,7 +46,6 @@ logger = logging.getLogger(__name__)
 
 NAME = "augmented-lagrangian"
 EPS = float(np.finfo(float).eps)
-RELAXED = 2  # Updates with the relaxed penalty.
 PATIENCE = 20  # Updates with the full one in which friction may fall short of a force.
 
 
@@ -147,7 +146,8 @@ class Run:
             return
         self.penalty = self.penalties.relaxed
         with self._stage("relaxed", "no initial solution was given"):
-            for _ in range(RELAXED):
+            # Forces that drives ask for are found in a second one.
+            for _ in range(1 + self.drives.ask_for_forces):
                 self._newton()
                 self._update(problem.state())
 
