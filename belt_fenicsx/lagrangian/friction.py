@@ -32,7 +32,7 @@ class Points(NamedTuple):
         x: Global coordinate x of the touching fibre.
         g: Penetration.
         stretch: Stretch of the touching fibre.
-        level: The same, as friction keeps it in stick.
+        level: The same, from which the speed of a belt that sticks is taken.
         p: Pressure.
         trial: Friction that would keep the stretch.
     """
@@ -81,23 +81,20 @@ class Friction:
 
     @property
     def transition(self) -> float:
-        """Where the sliding before the run-off begins, or would begin in front of the first point or behind the last.
-
-        It may do so within two points' parts of their cells.
-        """
+        """Where the sliding before the run-off begins; at an end of all points, where all of them slide, or none."""
         share, weight, edges = self.share.ravel(), self.at.weight.ravel(), self.at.edges
+        # One point at most slides by half and more, but not altogether, and one before it by less.
         last = int(np.argmax(share >= 0.5)) if share.max() >= 0.5 else share.size - 1
         partial = slice(max(0, last - 1), last + 1)
         return float(edges[last + 1] - share[partial] @ weight[partial])
 
     @property
     def stretch(self) -> float:
-        """Stretch in stick, or that of a belt that sticks nowhere, at the point where sliding begins."""
+        """Stretch in stick, or about where sliding begins of a belt that sticks nowhere."""
         if self.level is not None:
             return self.level
-        sigma, touching = self.at.sigma.ravel(), np.flatnonzero(self.at.p > 0.0)
-        begins = np.searchsorted(sigma[touching], self.transition if self.bound.any() else -np.inf)
-        return float(self.at.stretch.ravel()[touching[min(begins, touching.size - 1)]])
+        sigma, stretch = (values[self.at.p > 0.0] for values in (self.at.sigma, self.at.stretch))
+        return float(np.interp(self.transition if self.bound.any() else -np.inf, sigma, stretch))
 
 
 def friction_on(pulley: Pulley, at: Points, growth: float | None) -> Friction:

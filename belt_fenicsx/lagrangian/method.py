@@ -5,8 +5,8 @@ Where the contact zone ends is not known before, so a fine mesh starts from the 
 large enough for it; small ones the first rank solves alone. The answer is as good as the mesh, which knows the contact
 zone to a part of an element.
 
-More than the source's one pulley between clamps with a given transition is a drive (`drive_loop.DriveRun`): several
-pulleys, loops, loads, a fibre that touches, speeds and torques; and pulleys that a force pushes (`take_ups`).
+What the source leaves out, several pulleys, loops, loads, a fibre that touches, speeds and torques, changes what drives
+ask for (`drives`); pulleys that a force pushes stand still in one solve and move between two (`take_ups`).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from belt_fenicsx.solution.status import Status
 
 TOLERANCES = Tolerances()
 
-# Where neither a number of elements nor a mesh is given, this number is taken; for a drive, so many for each pulley, or
-# more where its layers ask for them.
+# Where neither a number of elements nor a mesh is given, the first number is taken for the source's scene. For others
+# it is the second for each pulley, or more where their layers ask for them.
 ELEMENTS, DRIVE_ELEMENTS = 100, 200
 
 # Errors are estimated from at most HALVINGS coarser meshes of half as many elements each, and of COARSEST at least.

@@ -26,7 +26,7 @@ class State(NamedTuple):
         g: Penetration into the nearest pulley, negative outside.
         fibre_x: Global coordinate x of the fibre.
         stretch: Stretch D of the fibre.
-        level: D as friction keeps it the same all along in stick: see `Problem.state`.
+        level: D from which the speed of a belt that sticks is taken: that at the point, or the mean at its cell's ends.
     """
 
     sigma: Array

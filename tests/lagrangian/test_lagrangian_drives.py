@@ -235,7 +235,9 @@ def points(p, trial):
     p, trial, cells = (np.outer(values, [1.0, 1.0]) for values in (p, trial, np.ones(len(p))))
     sigma = np.arange(len(p))[:, np.newaxis] + np.array([0.2, 0.8])
     edges = np.arange(2 * len(p) + 1) / 2.0
-    return Points(sigma, cells / 2.0, edges, x=sigma, g=0.0 * p, stretch=1.03 * cells, level=1.03 * cells, p=p, trial=trial)
+    return Points(
+        sigma, cells / 2.0, edges, x=sigma, g=0.0 * p, stretch=1.03 * cells, level=1.03 * cells, p=p, trial=trial
+    )
 
 
 @pytest.mark.parametrize("growth", [-3.1, -1.0, -0.2, 0.0, 0.3, 2.2])
