@@ -89,11 +89,10 @@ def answer(scene: Scene, taut: TautBelt, state: State, multipliers: Multipliers,
     runs.append(Run(FREE, 0.5, len(state.sigma)))
     zone = np.repeat(np.arange(float(len(runs))), np.diff([0, *(run.next for run in runs)]))
     points = Points(state.sigma, *state[2:8], *multipliers, state.weight, zone)
-    # Of a belt that sticks nowhere, the stretch where it begins to slide, which the points know to a part of a cell.
-    (_, _, theta), (dx, dy, kappa) = (columns.T for columns in points.at(np.array(starts)))
-    offsets = np.array([pulley.turn * scene.belt.contact_offset for pulley in scene.pulleys])
-    begun = np.abs(dx + 1j * dy + offsets * kappa * np.exp(1j * theta)).tolist()
-    stretches = [friction.level or start for friction, start in zip(drives.frictions, begun, strict=True)]
+    stretches = [
+        friction.level or _stretch_at(points, start, pulley.turn * scene.belt.contact_offset)
+        for friction, start, pulley in zip(drives.frictions, starts, scene.pulleys, strict=True)
+    ]
     if scene.closed:
         points, runs = _from_run_up(points, runs, taut.winding)
     ends = np.array([-0.5, *(run.end for run in runs)])
@@ -136,6 +135,12 @@ def _read(
     contacts = contacts_of(scene, zones, fields, rate=rate, omegas=omegas, torques=torques, zone_ends=zone_ends)
     contacts = tuple(_placed(contact, scene.pulleys[contact.pulley]) for contact in contacts)
     return {"transport_rate": rate, "contacts": contacts, "zones": zones, "fields": fields}
+
+
+def _stretch_at(points: Points, sigma: float, offset: float) -> float:
+    """Stretch of a fibre where the belt begins to slide, which the points know to a part of a cell."""
+    ((_, _, theta),), ((dx, dy, kappa),) = points.at(np.array([sigma]))
+    return float(abs(dx + 1j * dy + offset * kappa * np.exp(1j * theta)))
 
 
 def _pairs(values: Array) -> list[tuple[float, float]]:
