@@ -154,7 +154,8 @@ def _share_behind_place(pulley: Pulley, at: Points) -> Array:
         return np.full_like(at.x, float(place == RUN_UP))
     touching, edges = np.flatnonzero(at.p > 0.0), at.edges
     if pulley.drive.kind == "x_trans":
-        x, sigma = at.x.ravel()[touching], at.sigma.ravel()[touching]
+        within = slice(touching[0], touching[-1] + 1)
+        x, sigma = at.x.ravel()[within], at.sigma.ravel()[within]
         # The belt passes the place in the sense of x, or against it where it lies below the pulley.
         onwards = 1.0 if x[-1] >= x[0] else -1.0
         start = float(np.interp(onwards * place, onwards * x, sigma))
