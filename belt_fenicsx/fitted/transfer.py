@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx.fitted.cells import divided
 from belt_fenicsx.fitted.dofs import local, terms_of, width
@@ -122,6 +123,10 @@ def _read(old: Fields | State, nodes: Array, gauss: Array) -> tuple[tuple[Array,
             p.reshape(gauss.shape),
             f.reshape(gauss.shape),
         )
-    r = np.interp(nodes, old.sigma, old.r[:, 0] + 1j * old.r[:, 1])
+    # Joints have two points. By its slopes, too, the middle line is known as well as the strains are.
+    sigma, single = np.unique(old.sigma, return_index=True)
+    theta = old.theta[single]
+    r_slope = (1.0 + old.eps[single] + 1j * old.Gamma[single]) * np.exp(1j * theta)
+    r = CubicHermiteSpline(sigma, old.r[single] @ (1.0, 1j), r_slope)(nodes)
     p, f = (np.interp(gauss, old.sigma, field) for field in (old.p, old.f))
-    return (r, np.interp(nodes, old.sigma, old.theta)), (p, f)
+    return (r, CubicHermiteSpline(sigma, theta, old.kappa[single])(nodes)), (p, f)

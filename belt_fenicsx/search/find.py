@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import Literal
 
@@ -19,7 +20,7 @@ from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed, slips_through
 from belt_fenicsx.layout.revision import Samples, revise
 from belt_fenicsx.scene.checks import SceneError
-from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Slip
+from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley, Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.limits import driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
@@ -32,6 +33,7 @@ RATES, STEADY = 8, 1e-9  # Rates that are tried at a limit, at most; a change th
 MOST_LAYOUTS = 8  # That many layouts for each pulley are tried one after another, at most.
 SURE = 1e-6  # The place of a limit is known to about this part of the interval between both limits.
 STRETCH = 1e-8  # A state that is compared with a limit knows a stretch to about this.
+ANGLE = 1e-4  # A slip angle at a limit is known to about this part of itself.
 NEAR = 1e-3  # A state shows a transition to be impossible in this part of the interval next to its ends, and beyond.
 
 
@@ -103,7 +105,7 @@ def settle(method: Method[S], state: S) -> S:
 
 
 def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layout, Array] | None = None) -> S:
-    """The drive at its limit: sliding all along a pulley, and the torque that `at_capacity` names left open.
+    """The drive at its limit: sliding all along a pulley, and what `at_capacity` names left open.
 
     Args:
         method: The solve.
@@ -139,28 +141,45 @@ def limit_state(method: Method[S], index: int, sense: Slip, near: tuple[S, Layou
     method.stages.ran("capacity", f"sliding all along pulley {index}", solve.stages.iterations)
     if not solve.is_plausible(state):
         raise Stopped(Status.NEWTON_DIVERGED, f"No state was found that slides all along pulley {index}.")
-    given = method.scene.pulleys[load].torque or 0.0
-    if given / _torque(solve, state, load) > 1.0:
+    pulley = method.scene.pulleys[load]
+    reach = _slip_angle if pulley.drive.kind == "slip_angle" else _torque
+    if (pulley.slip_angle or pulley.torque or 0.0) / reach(solve, state, load) > 1.0:
         state = _well_known(solve, state)
-        _check_load(solve, state, index, load, given)
+        _check_load(solve, state, index, load, pulley)
     return state
 
 
-def _check_load(method: Method[S], state: S, index: int, load: int, given: float) -> None:
-    """Checks that a torque is not beyond what the belt transmits to its pulley, sliding all along another one.
+def _check_load(method: Method[S], state: S, index: int, load: int, given: Pulley) -> None:
+    """Checks that what a pulley is given is not beyond what it has where the belt slides all along another one.
 
     Raises:
         Stopped: It is.
     """
-    transmitted, unit = _torque(method, state, load), method.units.of(length=1, force=1)
-    if given / transmitted > 1.0:
+    if given.slip_angle is not None:
+        reached, asked, known = _slip_angle(method, state, load), given.slip_angle, ANGLE
+        what, has = "slip angle", f"the slip angle of pulley {load} is {reached:.6g} rad"
+    else:
+        reached, asked, known = _torque(method, state, load), given.torque or 0.0, 0.0
+        unit = method.units.of(length=1, force=1)
         there = "" if index == load else f", and {_torque(method, state, index) * unit:.6g} N m to pulley {index}"
+        what, has = "torque", f"the belt transmits {reached * unit:.6g} N m to pulley {load}{there}"
+    if asked / reached > 1.0 + known:
         raise Stopped(
             Status.CAPACITY_EXCEEDED,
-            f"Sliding all along pulley {index}, the belt transmits {transmitted * unit:.6g} N m to pulley {load}{there}"
-            f"; the torque given to pulley {load} exceeds that by {100.0 * (given / transmitted - 1.0):.3g} %.",
+            f"Sliding all along pulley {index}, {has}; the {what} given to pulley {load} exceeds that by "
+            f"{100.0 * (asked / reached - 1.0):.3g} %.",
             final=True,
         )
+
+
+def _slip_angle(method: Method[S], state: S, index: int) -> float:
+    """Angle of a pulley along which the belt slides before its run-off, R angle = int D dsigma."""
+    layout, samples = state.layout, method.samples(state).densest
+    on = layout.on(index)
+    sliding = itertools.takewhile(lambda i: layout.parts[i].kind != "stick", reversed(on))
+    parts = [part for i in sliding if (part := samples.parts[i]) is not None]
+    angles = [float(np.diff(part.sigma) @ (part.D[1:] + part.D[:-1])) / 2.0 for part in parts]
+    return sum(angles) / method.scene.pulleys[index].radius
 
 
 def _at_its_rate(method: Method[S], solve: Method[S], state: S, index: int) -> tuple[Method[S], S]:

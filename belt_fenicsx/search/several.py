@@ -23,7 +23,7 @@ from belt_fenicsx.layout.revision import Sample, Samples
 from belt_fenicsx.scene.path import tangent_path
 from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.find import attempt, limit_state, settle_from
+from belt_fenicsx.search.find import attempt, limit_state, settle, settle_from
 from belt_fenicsx.search.limits import ahead, meets, slides_as_driven, unmet
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
@@ -54,12 +54,42 @@ def solve_several(method: Method[S]) -> S:
     except Stopped as stopped:
         if stopped.final:
             raise
-        near = (attempt(functools.partial(_below_limit, method, *limit)) for limit in _near_their_limits(method))
-        found = next((state for state in near if state is not None), None)
+        limits = [functools.partial(_below_limit, method, *limit) for limit in _near_their_limits(method)]
+        ways = [functools.partial(_by_torques, method), *limits]
+        found = next((near for way in ways if (near := attempt(way)) is not None), None)
         if found is None:
             raise
         state = found
     return meet_drives(method, state)
+
+
+def _by_torques(method: Method[S]) -> S:
+    """A state of drives that say where stick ends, from the torques that the string has with them.
+
+    A torque leaves it to the search how the belt slides, which a short contact or a stiff belt tells otherwise than the
+    string does.
+
+    Raises:
+        Stopped: There is none.
+    """
+    scene, torques = method.scene, string_drive(method.scene).torques
+    placed = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.is_place and pulley.friction > 0.0]
+    pulleys = [p.driven(torque=torques[i]) if i in placed else p for i, p in enumerate(scene.pulleys)]
+    if not placed:
+        raise Stopped(Status.NEWTON_DIVERGED, "No drive says where stick ends.")
+    driven = method.at(scene.altered(pulleys=tuple(pulleys)))
+    try:
+        near = settle(driven, solve_several(driven))
+    except Stopped as stopped:
+        raise Stopped(Status.NEWTON_DIVERGED, f"With the torques of the string: {stopped.message}") from None
+    finally:
+        method.stages.ran("torques", "the string's, where a drive says where stick ends", driven.stages.iterations)
+    rows = ordered(scene, [part for part in near.layout.parts if part.touches])
+    guess = method.transfer(near, rows, driven.samples(near).ends)
+    state = settle_from(method, guess, "torques", f"the place where stick ends; now {rows}")
+    if state is None:
+        raise Stopped(Status.NEWTON_DIVERGED, "No state was found near that of the string's torques.")
+    return state
 
 
 def meet_drives(method: Method[S], state: S) -> S:
@@ -86,7 +116,7 @@ def _near_their_limits(method: Method[S]) -> list[tuple[int, Slip]]:
     scene = method.scene
     string = string_drive(scene)
     wraps = [arc.wrap for arc in tangent_path(scene, string.centers).arcs]
-    loaded = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind in ("omega", "torque")]
+    loaded = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind in ("omega", "torque", "slip_angle")]
     slid = {i: part for i in loaded if (part := string.slip_angles[i] / wraps[i]) >= NEARLY}
     return [(i, "forward" if string.torques[i] > 0.0 else "backward") for i in sorted(slid, key=lambda i: -slid[i])]
 

@@ -18,19 +18,20 @@ RATES = 10  # Corrections of the transport rate, at most.
 
 
 def at_capacity(scene: Scene, index: int, sense: Slip, load: int | None = None) -> tuple[Scene, int]:
-    """The scene in which the belt slides all along a pulley, and the pulley whose torque is left open for that.
+    """The scene in which the belt slides all along a pulley, and the pulley whose drive is left open for that.
 
-    It is the torque on the same pulley or, if that gives the speed of all, the largest one. Where speeds slip, forces
-    depend on none; with inertia, the transport rate is the one with which the belt would just stick at the run-up.
+    It is the same pulley or, if that gives the speed of all, the one with the largest slip angle or else the largest
+    torque. Where speeds slip, forces depend on none; with inertia, the transport rate is the one with which the belt
+    would just stick at the run-up.
 
     Args:
         scene: The scene.
         index: The pulley.
         sense: Sense of sliding on it.
-        load: The pulley whose torque is left open, if it is to be another one.
+        load: The pulley whose drive is left open, if it is to be another one.
 
     Raises:
-        Stopped: No torque can be left open.
+        Stopped: No drive can be left open.
     """
     load = _load(scene, index) if load is None else load
     pulleys = [p.driven() if i == load else p for i, p in enumerate(scene.pulleys)]
@@ -113,17 +114,19 @@ def limited(scene: Scene, index: int, sense: Slip) -> tuple[Scene, StringDrive] 
 
 
 def _load(scene: Scene, index: int) -> int:
-    """The pulley whose torque grows, on the way to the limit of a pulley.
+    """The pulley whose slip angle or torque grows, on the way to the limit of a pulley.
 
     Raises:
         Stopped: There is none.
     """
     if not _leads(scene, index):
         return index
-    loads = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "torque" and p.friction > 0.0]
-    if not loads:
-        raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
-    return max(loads, key=lambda i: abs(scene.pulleys[i].drive.by("torque")))
+    # A slip angle goes first: a stiff belt that slides to and fro may have it with more than one torque.
+    for kind in ("slip_angle", "torque"):
+        loads = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == kind and p.friction > 0.0]
+        if loads:
+            return max(loads, key=lambda i: abs(scene.pulleys[i].drive.by(kind)))
+    raise Stopped(Status.NEWTON_DIVERGED, f"No torque could be left open for pulley {index} to slide all along.")
 
 
 def _leads(scene: Scene, index: int) -> bool:
