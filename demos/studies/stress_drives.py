@@ -4,10 +4,12 @@
 # Loops of two to six pulleys on either side of the belt: thin and thick, fast and at rest, hardly loaded and near their
 # capacity, with gravity and with a touching fibre off the middle line. The load is a part of what the exact string
 # transmits. Each is solved by collocation and by fitted finite elements, and by collocation at a tighter tolerance,
-# so that an answer that is silently wrong shows.
+# so that an answer that is silently wrong shows. The load may also be said by a slip angle or grow with the speed, and
+# an idler may be pushed by a force.
 #
 #     python demos/studies/stress_drives.py             300 loops
-#     python demos/studies/stress_drives.py --readme    writes the table into the README
+#     python demos/studies/stress_drives.py --load "slip angle" --count 60
+#     python demos/studies/stress_drives.py --readme    writes the tables of all loads into the README
 
 # %%
 from __future__ import annotations
@@ -33,6 +35,12 @@ RTOL, TIGHT, AGREEMENT = 1e-8, 1e-10, 1e-7
 METHODS = ("bvp", "fitted")
 SLOWEST = 3  # loops that are named
 LEAST_WRAP = math.radians(5.0)
+LOADS = {
+    "torque": 300,
+    "slip angle": 60,
+    "torque and drag": 60,
+    "take-up": 60,
+}  # How the load is said, and of how many.
 MARGIN = 1.2  # Of a wrap over that at which a stiff belt touches its pulley at a point.
 SPEED = 10.0  # of the first pulley's surface [m/s]
 
@@ -139,6 +147,51 @@ def loops(count: int, seed: int) -> Iterator[Scene]:
 
 
 # %% [markdown]
+# ## Other loads
+#
+# The first load of a loop may be a slip angle, or grow with the speed; the first free idler may be pushed against the
+# belt by a force close to that of the string. With a slip angle, what slides on the other pulleys follows, and may be
+# more than there is.
+
+
+# %%
+def loaded(scene: Scene, load: str, draw: Draw) -> Scene | None:
+    """A loop with its load said in another way; None where nothing is there to be loaded so."""
+    pulleys, paths = list(scene.pulleys), taut_path(scene)
+    driven = next(i for i, pulley in enumerate(pulleys) if pulley.torque)
+    torque = pulleys[driven].torque or 0.0
+    if load == "slip angle":
+        angle = draw.even(0.05, 0.5) * paths.arcs[driven].wrap
+        pulleys[driven] = pulleys[driven].driven(slip_angle=angle, slip="forward" if torque > 0.0 else "backward")
+    elif load == "torque and drag":
+        drag = abs(torque) * pulleys[driven].radius / SPEED
+        pulleys[driven] = pulleys[driven].driven(torque=torque / 2.0, drag=drag / 2.0)
+    elif load == "take-up":
+        string = solve(scene, method="string", throw=False)
+        idlers = [i for i, pulley in enumerate(pulleys) if pulley.torque == 0.0]
+        if not (string.success and idlers):
+            return None
+        hub = string.contacts[idlers[0]]
+        away = -math.cos(hub.hub_angle), -math.sin(hub.hub_angle)
+        pulleys[idlers[0]] = replace(pulleys[idlers[0]], take_up=away, force=draw.even(0.8, 1.2) * hub.hub_load)
+        belt = replace(scene.belt, length=paths.length / (1.0 + (scene.elongation or 0.0)))
+        return replace(scene, pulleys=tuple(pulleys), belt=belt, elongation=None)
+    return replace(scene, pulleys=tuple(pulleys))
+
+
+def loads(count: int, seed: int, load: str) -> Iterator[Scene]:
+    """Draws loops with a load that is said in one of several ways."""
+    draw, drawn = Draw(seed), 0
+    for scene in loops(10 * count, seed):
+        other = loaded(scene, load, draw)
+        if other is not None and drawn < count:
+            yield other
+            drawn += 1
+        if drawn == count:
+            return
+
+
+# %% [markdown]
 # ## Outcomes
 
 
@@ -197,19 +250,23 @@ def report(outcomes: list[Outcome]) -> str:
 # %%
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Solves closed loops at random.")
-    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--count", type=int, help="of loops of each load")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--load", choices=LOADS, help="one of them alone")
     parser.add_argument("--method", choices=METHODS, help="one of them alone")
-    parser.add_argument("--readme", action="store_true", help="write the table into the README")
+    parser.add_argument("--readme", action="store_true", help="write the tables into the README")
     arguments = parser.parse_args()
-    drawn, texts = [*enumerate(loops(arguments.count, arguments.seed))], []
-    for method in [arguments.method] if arguments.method else METHODS:
-        finished = [outcome(number, scene, method) for number, scene in drawn]
-        texts.append(f"{arguments.count} loops, seed {arguments.seed}, {method}.\n\n{report(finished)}")
-        print(texts[-1])
-        for result in finished:
-            if not result.answer.success or not result.difference <= AGREEMENT:
-                said = " ".join((result.answer.message, *result.answer.violations))
-                print(f"\n{result.number}: {result.answer.status.name} {said}, difference {result.difference:.1e}")
+    texts = []
+    for load in [arguments.load] if arguments.load else LOADS:
+        count = arguments.count or LOADS[load]
+        drawn = [*enumerate(loads(count, arguments.seed, load))]
+        for method in [arguments.method] if arguments.method else METHODS:
+            finished = [outcome(number, scene, method) for number, scene in drawn]
+            texts.append(f"{count} loops by {load}, seed {arguments.seed}, {method}.\n\n{report(finished)}")
+            print(texts[-1])
+            for result in finished:
+                if not result.answer.success or not result.difference <= AGREEMENT:
+                    said = " ".join((result.answer.message, *result.answer.violations))
+                    print(f"\n{result.number}: {result.answer.status.name} {said}, difference {result.difference:.1e}")
     if arguments.readme:
         write_into_readme("stress of drives", "\n\n".join(texts))
