@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from belt_fenicsx.fitted.cells import divided
 from belt_fenicsx.fitted.dofs import local, terms_of, width
@@ -15,6 +14,7 @@ from belt_fenicsx.fitted.elements import points
 from belt_fenicsx.fitted.nodes import on_chords, sum_error
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.hermite import interpolate
 from belt_fenicsx.layout.layers import bending_layer, shear_layer
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.scene.scene import Scene
@@ -123,10 +123,10 @@ def _read(old: Fields | State, nodes: Array, gauss: Array) -> tuple[tuple[Array,
             p.reshape(gauss.shape),
             f.reshape(gauss.shape),
         )
-    # Joints have two points. By its slopes, too, the middle line is known as well as the strains are.
-    sigma, single = np.unique(old.sigma, return_index=True)
-    theta = old.theta[single]
-    r_slope = (1.0 + old.eps[single] + 1j * old.Gamma[single]) * np.exp(1j * theta)
-    r = CubicHermiteSpline(sigma, old.r[single] @ (1.0, 1j), r_slope)(nodes)
+    # By its slopes, too, the middle line is known as well between the points as the strains are at them.
+    values = np.column_stack([old.r, old.theta])
+    strained = (1.0 + old.eps + 1j * old.Gamma) * np.exp(1j * old.theta)
+    slopes = np.column_stack([strained.real, strained.imag, old.kappa])
+    x, y, theta = interpolate(nodes.ravel(), old.sigma, values, slopes)[0].T.reshape(3, *nodes.shape)
     p, f = (np.interp(gauss, old.sigma, field) for field in (old.p, old.f))
-    return (r, CubicHermiteSpline(sigma, theta, old.kappa[single])(nodes)), (p, f)
+    return (x + 1j * y, theta), (p, f)

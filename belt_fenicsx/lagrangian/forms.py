@@ -11,13 +11,13 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from belt_fenicsx.backend import compat
-from belt_fenicsx.lagrangian.hermite import in_unit_cells
 from belt_fenicsx.lagrangian.newton import Newton
 from belt_fenicsx.lagrangian.nodes import map_slopes
 from belt_fenicsx.lagrangian.space import CONTACT_DEGREE, HermiteSpace
 from belt_fenicsx.lagrangian.state import State
 from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.layout.arrays import Array, places
+from belt_fenicsx.layout.hermite import in_unit_cells
 from belt_fenicsx.mechanics import contact, rod
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.reading import directions

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from belt_fenicsx.lagrangian.hermite import interpolate
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.hermite import interpolate
 from belt_fenicsx.scene.path import Arc
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields

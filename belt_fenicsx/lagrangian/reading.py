@@ -11,11 +11,11 @@ import numpy as np
 
 from belt_fenicsx.lagrangian.drives import Drives
 from belt_fenicsx.lagrangian.friction import Friction, lift_off
-from belt_fenicsx.lagrangian.hermite import interpolate
 from belt_fenicsx.lagrangian.multipliers import Multipliers
 from belt_fenicsx.lagrangian.state import State
 from belt_fenicsx.lagrangian.taut import TautBelt
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.hermite import interpolate
 from belt_fenicsx.layout.kind import FREE, Part, sliding
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene

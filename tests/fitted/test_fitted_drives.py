@@ -45,6 +45,15 @@ def ring(count):
     return Scene(belt=belt, pulleys=pulleys, closed=True, elongation=0.03)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_answer_of_another_method_is_a_step_away(name):
+    scene = drive(name)
+    solution = solve(scene, initial=bvp.solve(scene))
+    first, *others = [stage.iterations for stage in solution.stages if stage.iterations]
+    # One step is the difference of both methods, and one for each degree after.
+    assert first == 1 and set(others) == {1} and len(others) <= 2
+
+
 def with_last(scene, **changed):
     """The scene with other values of its last pulley."""
     return replace(scene, pulleys=(*scene.pulleys[:-1], replace(scene.pulleys[-1], **changed)))

@@ -1,4 +1,4 @@
-"""Cubic Hermite interpolation, that of the elements, along the belt."""
+"""Cubic Hermite interpolation along the belt, that of the fixed mesh's elements."""
 
 from __future__ import annotations
 
