@@ -163,7 +163,9 @@ def from_drive(problem: Problem, string: StringDrive, cells: int = COARSE) -> Di
             radius, turn = on.radius[0, 0], on.turn[0, 0]
             # The touching fibre's stretch is as much smaller as its radius is.
             strain = D * radius / (radius + rod.offset) - 1.0
-            known = np.array([phi, zero, -turn * (1.0 + strain) / radius, strain, zero, zero + strain[0]])
+            known = np.array(
+                [phi, own.layers(place)[0], -turn * (1.0 + strain) / radius, strain, zero, zero + strain[0]]
+            )
             return known[: on.size]
         return np.array([x, y, phi, zero, own.force[0] * np.cos(phi), own.force[0] * np.sin(phi)])
 

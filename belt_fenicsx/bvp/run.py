@@ -35,6 +35,7 @@ from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import leaves_transition, meets
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.bent import bent
 from belt_fenicsx.taut_string.drive import string_drive
 from belt_fenicsx.taut_string.shape import StringDrive, undivided
 from belt_fenicsx.taut_string.standing import BeyondCapacity
@@ -231,9 +232,10 @@ class Run:
         Raises:
             Stopped: There is none.
         """
-        layout = ordered(self.scene, [own.part for own in self.drive.parts if own.part.touches])
+        string = bent(self.scene, self.drive)
+        layout = ordered(self.scene, [own.part for own in string.parts if own.part.touches])
         problem = self.pose(layout)
-        first = State(layout, problem, from_drive(problem, self.drive, self.cells))
+        first = State(layout, problem, from_drive(problem, string, self.cells))
         # What the string leads to on the coarsest mesh is no answer where another one is tried.
         if self.cells == COARSE and (state := settle_from(self, first, "string", "its rows and fields")) is not None:
             return state

@@ -102,11 +102,11 @@ def from_string(scene: Scene, string: TautString, layout: Layout, degree: int, e
 
 
 def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | None = None) -> State:
-    """The exact string of a drive, with its parts, its pressure and its friction in sliding.
+    """The exact string of a drive, with its parts, its layers, its pressure and its friction in sliding.
 
     Args:
         scene: The dimensionless scene.
-        string: The string.
+        string: The string, which may have layers of a belt that bends.
         degree: Degree k.
         elements: Number of cells; by default, as many as the layers call for.
     """
@@ -114,20 +114,21 @@ def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | 
     lengths = np.array([own.length for own in string.parts])
     # Scaled, the last end is where the belt ends to the last bit.
     true = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum() - 0.5
-    ends = scene.belt.length * _apart(layout, true)
+    ends = scene.belt.length * (true if string.bends else _apart(layout, true))
     strain = float(np.mean([own.stretches for own in string.parts])) - 1.0
     state = blank(scene, layout, ends, strain, degree, elements)
-    nodes = points(degree)[0]
-    inside = (state.sigma[:, :1] + state.length[:, None] * nodes) / scene.belt.length
+    nodes, gauss = (
+        (state.sigma[:, :1] + state.length[:, None] * inside) / scene.belt.length for inside in points(degree)
+    )
     radius = np.array([pulley.radius for pulley in scene.pulleys])
     elongations = np.zeros(radius.size)
-    r, theta, along = np.empty(inside.shape, dtype=complex), np.empty(inside.shape), np.empty(inside.shape)
-    part = np.clip(np.searchsorted(true, inside, side="right") - 1, 0, len(lengths) - 1)
+    r, theta, along = np.empty(nodes.shape, dtype=complex), np.empty(nodes.shape), np.empty(nodes.shape)
+    pressure, friction = np.zeros((2, *gauss.shape))
     for i, own in enumerate(string.parts):
-        here = part == i
-        fraction = np.clip((inside[here] - true[i]) / (true[i + 1] - true[i]), 0.0, 1.0)
-        x, y, theta[here], D = own.at(fraction)
-        r[here] = x + 1j * y
+        (here, fraction), (there, inside) = _in_part(nodes, true, i), _in_part(gauss, true, i)
+        x, y, phi, D = own.at(fraction)
+        r[here], theta[here] = x + 1j * y, phi + own.layers(fraction)[0]
+        _, pressure[there], friction[there] = own.layers(inside)
         force = own.force[0] + fraction * (own.force[1] - own.force[0])
         along[here] = np.maximum(force, LEAST_STRAIN * scene.belt.extensional_stiffness) * D
         if own.part.touches and (own.part.kind == "stick" or elongations[own.part.pulley] == 0.0):
@@ -135,8 +136,14 @@ def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | 
             # The touching fibre's stretch is as much smaller as its radius is.
             elongations[on] = own.stretches[0] * radius[on] / (radius[on] + scene.belt.contact_offset) - 1.0
     drive(state, Driven(elongations, string.rate, np.array(string.take_ups)))
-    _press(state, along[:, :2].mean(axis=1))
+    _press(state, along[:, :2].mean(axis=1), pressure, friction)
     return placed(state, r, theta)
+
+
+def _in_part(places: Array, ends: Array, part: int) -> tuple[Array, Array]:
+    """Which places lie in a part, and at which fractions of it."""
+    here = np.clip(np.searchsorted(ends, places, side="right") - 1, 0, ends.size - 2) == part
+    return here, np.clip((places[here] - ends[part]) / (ends[part + 1] - ends[part]), 0.0, 1.0)
 
 
 def _apart(layout: Layout, ends: Array) -> Array:
@@ -151,9 +158,16 @@ def _apart(layout: Layout, ends: Array) -> Array:
     return ends
 
 
-def _press(state: State, tension: Array) -> None:
-    """Sets the pressure of a string of so much tension in each cell, and its friction where it slides."""
-    at, (radius, friction, _), touches = local(state.degree), state.pulleys, state.mesh.touches
-    p = np.where(touches, tension / (radius + state.scene.belt.contact_offset), 0.0)
-    state.values[:, at.p] = p[:, None]
-    state.values[:, at.f] = (-state.mesh.senses * friction * p)[:, None]
+def _press(state: State, tension: Array, pressure: Array | float = 0.0, friction: Array | float = 0.0) -> None:
+    """Sets the pressure of a string of so much tension in each cell, and its friction where it slides.
+
+    Args:
+        state: The state.
+        tension: The tension ``(n,)``.
+        pressure: What layers add to the pressure at the Gauss points ``(n, k)``.
+        friction: The friction there in stick.
+    """
+    at, (radius, mu, _), mesh = local(state.degree), state.pulleys, state.mesh
+    p = np.where(mesh.touches, tension / (radius + state.scene.belt.contact_offset), 0.0)[:, None] + pressure
+    state.values[:, at.p] = p
+    state.values[:, at.f] = np.where(mesh.sticks[:, None], friction, -(mesh.senses * mu)[:, None] * p)

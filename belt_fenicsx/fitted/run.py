@@ -7,8 +7,9 @@ Its own ladder to a coarse state of the lowest degree, each step for scenes in w
 3. By way of a belt that bends more easily and so is more like a string.
 4. From pure stick, with the transition where the scene wants it.
 
-With several pulleys or loads, it starts from the exact string of the drive, at a higher degree, and then by way of
-belts that bend more easily. What the string has of sliding in the wrong sense is turned round.
+With several pulleys or loads, it starts from the exact string of the drive, at a higher degree, with layers of bending
+where the belt touches with its surface, and then by way of belts that bend more easily. What the string has of sliding
+in the wrong sense is turned round, and what shrinks to nothing left out.
 
 Then the degree rises by two. Where states of both degrees have the same rows, their difference tells the error.
 """
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,6 +31,7 @@ from belt_fenicsx.fitted.reading import friction_suffices, samples
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.arrays import Array
+from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
@@ -44,6 +46,7 @@ from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
+from belt_fenicsx.taut_string.bent import bent
 from belt_fenicsx.taut_string.drive import string_drive
 
 METHOD = "fitted"
@@ -158,20 +161,20 @@ class Run:
     def converge(self, start: State, stage: str, why: str) -> State:
         """Newton's iteration from a first guess; adds a stage.
 
-        Where sliding behind stick shrinks to nothing, once more with it turned round: on a pulley that is hardly loaded
-        a first guess may have the wrong sense.
+        Where a part that slides shrinks to nothing, once more without it. The last one behind stick is turned round: on
+        a pulley that is hardly loaded a first guess may have the wrong sense.
         """
         turned, arrived = set[int](), ARRIVED if self.scene.is_published else CLOSE
         while True:
             try:
                 return self.newton(start, f"{stage}: {why}", arrived=arrived)
             except NotConverged as failed:
-                shrunk = shrunk_behind_stick(start, failed.state) - turned
-                if self.scene.is_published or not shrunk:
+                last, others = shrunk_to_nothing(start, failed.state)
+                turns = {i for i in last if start.layout.parts[i].pulley not in turned}
+                if self.scene.is_published or not turns | others:
                     raise
-            turned |= shrunk
-            parts = [part.turned if i in shrunk else part for i, part in enumerate(start.layout.parts)]
-            start = self.transfer(start, ordered(self.scene, [part for part in parts if part.touches]), start.ends)
+            turned |= {start.layout.parts[i].pulley for i in turns}
+            start = self.transfer(start, *revised(start, turns, others))
 
     def sharpen(self, state: State, why: str) -> State:
         """The same state known well enough to compare it with a limit."""
@@ -299,10 +302,41 @@ def from_drive(run: Run, degree: int) -> State:
     return run.converge(guess, "string", "the rows of the string")
 
 
-def shrunk_behind_stick(start: State, end: State) -> set[int]:
-    """Parts that slide behind stick, of which an iteration has left next to nothing."""
-    parts, left = start.layout.parts, np.diff(end.ends) < SHRUNK * np.diff(start.ends)
-    return {i for i, part in enumerate(parts) if left[i] and part.kind == "slip" and parts[i - 1].kind == "stick"}
+def from_bent_drive(run: Run) -> State:
+    """From the string with the layers of a belt that touches with its surface.
+
+    Raises:
+        Stopped: Contact acts at the middle line.
+    """
+    if run.scene.belt.contact_offset == 0.0:
+        raise Stopped(Status.NEWTON_DIVERGED, "The touching fibre is the middle line.")
+    guess = drive_guess(run.scene, bent(run.scene, string_drive(run.scene)), FIRST, run.elements)
+    run.stages.ran("string", "first guess, with layers")
+    return run.converge(guess, "string", "the rows of the string with layers")
+
+
+def shrunk_to_nothing(start: State, end: State) -> tuple[set[int], set[int]]:
+    """Parts that slide, of which an iteration has left next to nothing: the last ones behind stick, and others."""
+    layout, left = start.layout, np.diff(end.ends) < SHRUNK * np.diff(start.ends)
+    last, others = set[int](), set[int]()
+    for on in map(layout.on, layout.pulleys):
+        for i in on:
+            if left[i] and not left[on[0] : on[-1] + 1].all() and layout.parts[i].kind == "slip":
+                (last if i == on[-1] and layout.parts[i - 1].kind == "stick" else others).add(i)
+    return last, others
+
+
+def revised(state: State, turns: Container[int], out: Container[int]) -> tuple[Layout, Array]:
+    """The layout of a state with some parts turned round and others left out, and the ends of its parts."""
+    layout, parts, ends = state.layout, list[Part](), list[float]()
+    for i, part in enumerate(layout.parts):
+        part = part.turned if i in turns else part
+        behind = part.touches and bool(parts) and parts[-1].touches
+        if i in out or (behind and part == parts[-1]):
+            continue
+        ends.append(state.ends[i if behind or not part.touches else layout.on(part.pulley)[0]])
+        parts.append(part)
+    return ordered(state.scene, [part for part in parts if part.touches]), np.array([*ends, state.ends[-1]])
 
 
 def from_softer_drive(run: Run) -> State:
@@ -365,7 +399,7 @@ def from_solution(run: Run, initial: Solution, degree: int) -> State:
     return run.newton(guess, "the given solution")
 
 
-DRIVE: tuple[Start, ...] = (functools.partial(from_drive, degree=FIRST), from_softer_drive)
+DRIVE: tuple[Start, ...] = (from_bent_drive, functools.partial(from_drive, degree=FIRST), from_softer_drive)
 STRING: tuple[Start, ...] = (from_string, functools.partial(from_string, fixed_joints=True), from_softer)
 
 

@@ -262,7 +262,7 @@ class _Contact:
     def first_broken(self) -> _Change | None:
         """What the first bound that friction or sliding breaks calls for."""
         for i, (part, (start, end)) in enumerate(zip(self.parts, pairwise(self.ends), strict=True)):
-            looks = (self.exceed_bound,) if part.kind == "stick" else (self.reverse_sliding, self.stick_again)
+            looks = (self.exceed_bound,) if part.kind == "stick" else (self.stick_again, self.reverse_sliding)
             for look in looks if start < end else ():
                 if (found := look(i)) is not None:
                     return found

@@ -13,7 +13,7 @@ Friction acts on that fibre, so that R int f makes this torque: mu is to be take
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,6 +74,13 @@ class StringPart:
         reach = arc.turn * arc.radius
         return arc.center[0] - reach * np.sin(phi), arc.center[1] + reach * np.cos(phi), phi, D
 
+    def layers(self, fraction: Array) -> tuple[Array, Array, Array]:
+        """What layers add to the angle of the cross-section, to the pressure and, in stick, to friction, ``(m,)`` each.
+
+        A string has none.
+        """
+        return (np.zeros_like(fraction),) * 3
+
 
 @dataclass(frozen=True, kw_only=True)
 class StringDrive:
@@ -87,6 +94,7 @@ class StringDrive:
         slip_angles: The part of each wrap that slides before the run-off.
         take_ups: Displacement of each pulley along its take-up; zero without one.
         centers: Centre of each, with its take-up done.
+        bends: Whether it has the layers and the parts of a belt that bends.
     """
 
     parts: tuple[StringPart, ...]
@@ -96,6 +104,7 @@ class StringDrive:
     slip_angles: tuple[float, ...]
     take_ups: tuple[float, ...]
     centers: tuple[Point, ...]
+    bends: bool = False
 
     def on(self, pulley: int) -> list[StringPart]:
         """The parts on a pulley."""
@@ -124,7 +133,7 @@ def undivided(string: StringDrive) -> StringDrive:
 def drawn_on(path: Path, scene: Scene, forces: Forces, centers: tuple[Point, ...]) -> StringDrive:
     """The string with these forces on its path."""
     b1, c = scene.belt.extensional_stiffness, forces.rate
-    string = _Drawing(b1, b1 - scene.belt.line_density * c**2)
+    string = Drawing(b1, b1 - scene.belt.line_density * c**2)
     spans = [string.span(line, F) for line, F in zip(path.lines, forces.spans, strict=True)]
     parts, ahead = ([], spans) if scene.closed else (spans[:1], spans[1:])
     omegas, torques, angles, take_ups = [], [], [], []
@@ -148,7 +157,7 @@ def drawn_on(path: Path, scene: Scene, forces: Forces, centers: tuple[Point, ...
 
 
 @dataclass(frozen=True)
-class _Drawing:
+class Drawing:
     """Parts of a string, from forces and places.
 
     Attributes:
@@ -183,6 +192,10 @@ class _Drawing:
             rows = [(Part("stick", pulley=index), arc.wrap)]
         else:
             rows = [(Part("stick", pulley=index), arc.wrap - angle), (Part("slip", sense, index), angle)]
+        return self.on_arc(arc, F, mu, rows)
+
+    def on_arc(self, arc: Arc, F: float, mu: float, rows: Sequence[tuple[Part, float]]) -> Iterator[StringPart]:
+        """Parts on a pulley, each with the angle in which the belt turns, behind a span with the force F."""
         phi = arc.start
         for part, turned in rows:
             rate = mu * part.sense
