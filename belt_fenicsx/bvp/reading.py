@@ -60,11 +60,19 @@ def table(problem: Problem, discrete: Discrete, group: int, xi: Array) -> Array:
 def columns(problem: Problem, discrete: Discrete, xi: Array) -> Array:
     """The same of all parts, the coordinate sigma first: ``(9, parts, q)`` for coordinates ``(parts, q)``."""
     result = np.empty((9, *xi.shape))
-    inside, ends = places(discrete.widths, xi), discrete.ends
+    inside, ends = places(discrete.widths, xi), known_ends(discrete)
     result[0] = ends[:-1, None] * (1.0 - inside) + ends[1:, None] * inside
     for index, group in enumerate(problem.groups):
         result[1:, group.parts] = table(problem, discrete, index, xi[group.parts])
     return result
+
+
+def known_ends(discrete: Discrete) -> Array:
+    """Ends of the parts, of which one is a point that has a negative length, but for what Newton's iteration leaves."""
+    ends, lengths = discrete.ends, discrete.values.lengths
+    for i in np.flatnonzero((lengths < 0.0) & (lengths >= -discrete.missed)):
+        ends[i + 1] = ends[i]
+    return ends
 
 
 def surface(problem: Problem, layout: Layout, discrete: Discrete, pulley: int) -> tuple[float, float]:

@@ -11,6 +11,7 @@ import pytest
 from drives import NAMES, REFERENCE, differences, drive, senses
 
 from belt_fenicsx import bvp, solve
+from belt_fenicsx.bvp.reading import known_ends
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
@@ -259,6 +260,15 @@ def test_a_loop_without_loads_only_turns(smooth):
     assert solution.success, solution.message
     largest = max(span.tension[1] for span in solution.spans) * scene.pulleys[0].radius
     assert max(abs(contact.torque) for contact in solution.contacts) < 1e-6 * largest
+
+
+@pytest.mark.parametrize(("missed", "last"), [(2e-11, 0.0), (2e-12, -1.3e-11)])
+def test_a_part_that_is_negative_by_what_an_iteration_leaves_is_a_point(missed, last):
+    state = bvp.solve(drive("two-equal")).state
+    lengths = state.discrete.values.lengths.copy()
+    lengths[1] = -1.3e-11
+    discrete = replace(state.discrete, values=replace(state.discrete.values, lengths=lengths), missed=missed)
+    assert np.diff(known_ends(discrete))[1] == pytest.approx(last, abs=1e-15)
 
 
 @pytest.mark.parametrize("method", ["fitted", "bvp"])
