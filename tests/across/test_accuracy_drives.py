@@ -14,6 +14,7 @@ pytestmark = pytest.mark.serial
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 REFERENCE = 1e-12  # rtol of the reference, which is then known to a few times this
+TORQUE = 3e-9  # Rounding leaves so much of the torque of a thin belt that sticks all along a free idler.
 QUICK = (3, 6, 18, 21, 28)  # Loops that are solved quickly.
 
 
@@ -22,6 +23,15 @@ def loops(monkeypatch):
     """The loops of the stress study, in turn."""
     monkeypatch.syspath_prepend(str(STUDIES))
     return runpy.run_path(str(STUDIES / "stress_drives.py"))["loops"]
+
+
+def torques(solution, reference):
+    """Largest difference of the torques, over the radius times the largest tension."""
+    tension = max(span.tension[1] for span in reference.spans)
+    return max(
+        abs(one.torque - other.torque) / (pulley.radius * tension)
+        for one, other, pulley in zip(solution.contacts, reference.contacts, reference.scene.pulleys, strict=True)
+    )
 
 
 def error(solution, reference):
@@ -43,6 +53,7 @@ def check(scenes, solved):
         assert len(reached) >= solved * len(cases)
         for estimate, true in reached:
             assert true <= estimate + 3.0 * REFERENCE and estimate <= rtol
+        assert all(torques(answer, known) <= max(rtol, TORQUE) for answer, known in answers if answer.success)
         ratios += [estimate / max(true, REFERENCE) for estimate, true in reached]
     assert math.exp(sum(map(math.log, ratios)) / len(ratios)) < 30.0
     assert sum(ratio <= 1000.0 for ratio in ratios) >= 0.9 * len(ratios)
@@ -55,5 +66,5 @@ def test_a_few_drives(loops):
 
 @pytest.mark.slow
 def test_many_drives(loops):
-    """Two of them have a free idler, on which a thin belt sticks all along; it misses the torque by rounding."""
-    check(list(loops(40, 1)), 0.9)
+    """Nearly all are solved, though rounding may keep a thin belt on a free idler from its torque."""
+    check(list(loops(40, 1)), 0.98)
