@@ -84,8 +84,16 @@ def _by_torques(method: Method[S]) -> S:
         raise Stopped(Status.NEWTON_DIVERGED, f"With the torques of the string: {stopped.message}") from None
     finally:
         method.stages.ran("torques", "the string's, where a drive says where stick ends", driven.stages.iterations)
-    rows = ordered(scene, [part for part in near.layout.parts if part.touches])
-    guess = method.transfer(near, rows, driven.samples(near).ends)
+    parts, behind = [*near.layout.parts], list[int]()
+    for i in placed:
+        on = near.layout.on(i)
+        transition = near.layout.transition(i)
+        if near.layout.slides_behind(i):
+            # A torque may be met by sliding to and fro; where stick ends, the drive says the sense.
+            parts[transition + 1] = Part("slip", scene.pulleys[i].slip, i)
+            behind += range(transition + 2, on.stop)
+    rows = ordered(scene, [part for i, part in enumerate(parts) if part.touches and i not in behind])
+    guess = method.transfer(near, rows, np.delete(driven.samples(near).ends, behind))
     state = settle_from(method, guess, "torques", f"the place where stick ends; now {rows}")
     if state is None:
         raise Stopped(Status.NEWTON_DIVERGED, "No state was found near that of the string's torques.")

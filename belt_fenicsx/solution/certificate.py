@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from belt_fenicsx.layout.arrays import Array, places
 from belt_fenicsx.layout.kind import SENSE
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.path import tangent_path
+from belt_fenicsx.scene.pulley import Slip
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.contact import Contact
 from belt_fenicsx.solution.fields import Fields
@@ -292,7 +294,7 @@ def _drive_met(
 
     A speed is missed by the force b1 R (omega - omega given) / c that would stretch the belt by as much in stick; where
     nothing sticks, any speed is met. A place is missed by its distance, relative to the contact; an angle, relative to
-    the wrap.
+    the wrap; both by as much as there is where the sliding behind has the other sense.
     """
     pulley, b1 = solution.scene.pulleys[contact.pulley], solution.scene.belt.extensional_stiffness
     drive, on = pulley.drive, arc(parts, on_pulley(solution.zones, contact.pulley))
@@ -308,6 +310,8 @@ def _drive_met(
     }[drive.kind]
     wanted = drive.value + drive.drag * contact.omega
     missed = abs(getattr(contact, drive.kind) - wanted) / unit
+    if drive.is_place and _behind_stick(contact) not in (None, drive.slip):
+        missed = 1.0
     unknown = ROUNDING * max(b1 / capacity, abs(wanted) / unit)
     yield Check(
         name="drive met",
@@ -316,6 +320,12 @@ def _drive_met(
         x=contact.x_trans,
         pulley=_numbered(solution.scene, contact.pulley),
     )
+
+
+def _behind_stick(contact: Contact) -> Slip | None:
+    """Sense of the sliding that follows stick; None where nothing sticks, or nothing follows."""
+    following = itertools.dropwhile(lambda zone: zone.kind != "stick", contact.zones)
+    return next((zone.slip for zone in itertools.islice(following, 1, None)), None)
 
 
 def _whole_belt(solution: Solution, fields: Fields, tolerance: float, allowed: float, hub: float) -> Iterator[Check]:

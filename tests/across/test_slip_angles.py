@@ -9,10 +9,11 @@ import pytest
 from drives import drive
 
 from belt_fenicsx import Status, bvp, solve
+from belt_fenicsx.solution.certificate import certify
 
 pytestmark = pytest.mark.serial
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
-BY_TORQUES = (22, 23, 29)
+BY_TORQUES = (0, 22, 47)
 
 
 @pytest.fixture
@@ -51,3 +52,14 @@ def test_a_slip_angle_next_to_its_limit(friction, method):
     below = solve(by_angle(0.999 * float(angle)), method=method)
     assert below.contacts[1].slip_angle == pytest.approx(0.999 * float(angle), rel=1e-9)
     assert below.contacts[int(slides)].slip_angle > 0.95 * below.contacts[int(slides)].wrap_angle
+
+
+def test_sliding_behind_stick_has_the_sense_that_is_given():
+    scene = drive("two-equal")
+    solution = bvp.solve(scene)
+    first, second = scene.pulleys
+    angle = solution.contacts[1].slip_angle
+    for slip, holds in (("forward", True), ("backward", False)):
+        asked = replace(scene, pulleys=(first, second.driven(slip_angle=angle, slip=slip)))
+        checks = certify(replace(solution, scene=asked), tolerance=1e-6)
+        assert [check.holds for check in checks if check.title == "drive met, pulley 1"] == [holds]
