@@ -68,6 +68,7 @@ FURTHEST = 0.8  # Newton's iteration finds a joint again that starts in this par
 # Degrees that a given solution starts with, one after another, and one by another method. Where friction is little, or
 # parts are short, a low degree knows it too coarsely to place a joint by it.
 WARM, RESCUE = (6, 8), (8, 12)
+MOVED = 0.1  # From an answer to the same scene, the length of no part changes by more than this part of it.
 NEARLY = 0.95  # This part of the contact slides, at most, in a first guess from pure stick.
 SOFTER = 1 / 20  # The bending stiffness of a belt that is more like a string, over the belt's.
 LEAST_GROWTH = 1.1  # No smaller step leads from a softer belt to a stiffer one.
@@ -396,7 +397,11 @@ def from_solution(run: Run, initial: Solution, degree: int) -> State:
         raise Stopped(Status.NEWTON_DIVERGED, "The given solution has other zones.")
     run.stages.skipped("taut string", "a solution was given to start from")
     guess = solution_guess(run.scene, initial, layout, degree, run.elements)
-    return run.newton(guess, "the given solution")
+    state = run.newton(guess, "the given solution")
+    grown = np.abs(np.diff(state.ends) / np.diff(guess.ends) - 1.0)
+    if initial.scene == run.asked and grown.max() > MOVED:
+        raise Stopped(Status.NEWTON_DIVERGED, f"Degree {degree} is too low for the parts of the given solution.")
+    return state
 
 
 DRIVE: tuple[Start, ...] = (from_bent_drive, functools.partial(from_drive, degree=FIRST), from_softer_drive)

@@ -73,7 +73,7 @@ def _by_torques(method: Method[S]) -> S:
         Stopped: There is none.
     """
     scene, torques = method.scene, string_drive(method.scene).torques
-    placed = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.is_place and pulley.friction > 0.0]
+    placed = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "slip_angle" and p.friction > 0.0]
     pulleys = [p.driven(torque=torques[i]) if i in placed else p for i, p in enumerate(scene.pulleys)]
     if not placed:
         raise Stopped(Status.NEWTON_DIVERGED, "No drive says where stick ends.")
