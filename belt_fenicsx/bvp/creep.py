@@ -87,13 +87,22 @@ def _driven(scene: Scene, index: int, giving: int | None) -> Callable[[Sequence[
     return missed
 
 
-def narrowed(make: Callable[[float], Problem], start: Discrete, work: Work) -> list[tuple[Problem, Discrete]]:
-    """States with narrower and narrower widths; none where Newton's iteration does not converge for the widest."""
+def narrowed(
+    make: Callable[[float], Problem], start: Discrete, work: Work, *, positive: bool = False
+) -> list[tuple[Problem, Discrete]]:
+    """States with narrower and narrower widths; none where Newton's iteration does not converge for the widest.
+
+    Args:
+        make: Makes the problem with a width.
+        start: The first guess.
+        work: What may still be spent.
+        positive: Whether to solve for the logarithms of the lengths of parts.
+    """
     width, ratio, states = WIDEST, NARROWER, list[tuple[Problem, Discrete]]()
     while width >= NARROWEST:
         problem = make(width)
         near = states[-1][1] if states else start
-        found = work.newton(problem, near, NEWTON, "creep")
+        found = work.newton(problem, near, NEWTON, "creep", positive=positive)
         if found.converged:
             states.append((problem, found))
         elif not states or ratio > LEAST_RATIO:

@@ -257,17 +257,19 @@ class Run:
         make = functools.partial(creep_problem, self.scene, self.tension, self.winding)
         start = from_drive(make(WIDEST), undivided(self.drive), max(CELLS, 2 * self.cells))
         states = narrowed(make, start, self.work)
+        lost = shrunk(*states[-1]) if states else None
+        if lost is not None:
+            # The equations have solutions with contacts of negative length beside those with short ones.
+            states = narrowed(make, start, self.work, positive=True)
         self.stages.ran("creep", "the string did not lead to a plausible state", self.work.iterations - before)
+        if lost is not None and not states:
+            raise Stopped(
+                Status.CONTACT_LOST,
+                f"The contact with pulley {lost} shrinks to a point: so stiff a belt turns by the angle of the "
+                "wrap before it touches. Let the pulley reach further in, or stretch the belt more.",
+                final=True,
+            )
         for creep, found in states[: -LAST_WIDTHS - 1 : -1]:
-            lengths = found.values.lengths[creep.contacts.parts]
-            if np.any(lengths <= 0.0):
-                index = int(np.argmin(lengths))
-                raise Stopped(
-                    Status.CONTACT_LOST,
-                    f"The contact with pulley {index} shrinks to a point: so stiff a belt turns by the angle of the "
-                    "wrap before it touches. Let the pulley reach further in, or stretch the belt more.",
-                    final=True,
-                )
             parts, ends = zones(self.scene, creep, found)
             layout = ordered(self.scene, parts)
             problem = self.pose(layout)
@@ -298,6 +300,12 @@ class Run:
         if not coarse.converged:
             raise Stopped(Status.NEWTON_DIVERGED, f"The continuation leaves {unsolved(coarse)}.")
         return State(layout, problem, coarse)
+
+
+def shrunk(problem: Problem, discrete: Discrete) -> int | None:
+    """The pulley on which a belt that creeps has the shortest contact, if that has no length; None where all have."""
+    lengths = discrete.values.lengths[problem.contacts.parts]
+    return int(np.argmin(lengths)) if np.any(lengths <= 0.0) else None
 
 
 def unsolved(discrete: Discrete) -> str:

@@ -322,9 +322,10 @@ def loops():
 
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(3, 46), (3, 45), (1, 39), (4, 5), (1, 17)],
+    [(3, 46), (3, 45), (1, 39), (4, 5), (1, 17), (7, 9)],
     ids=["sliding that turns back in next to nothing"] * 2
-    + ["sliding in both senses all along an idler", "creep that alternates", "creep that is too narrow"],
+    + ["sliding in both senses all along an idler", "creep that alternates", "creep that is too narrow"]
+    + ["a contact so short that creep finds it negative"],
 )
 def test_loops_of_which_the_string_tells_too_little(seed, number, loops):
     scene = next(itertools.islice(loops(number + 1, seed), number, None))
