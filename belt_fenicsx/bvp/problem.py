@@ -48,12 +48,13 @@ class Condition:
 @dataclass(frozen=True)
 class Joining:
     """Two parts that are continuous where they meet; over the joint the angle changes by ``jump``, in a loop's last
-    one.
+    one. There, the balance along the belt may follow from all other equations.
     """
 
     before: int
     after: int
     jump: float = 0.0
+    follows: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from belt_fenicsx.bvp.collocation import POINTS, WEIGHTS, inner
 from belt_fenicsx.bvp.equations import OnPulleys
 from belt_fenicsx.bvp.newton import Discrete
-from belt_fenicsx.bvp.problem import LAST, Problem, placed_at, places
+from belt_fenicsx.bvp.problem import FIRST, LAST, Problem, placed_at, places
 from belt_fenicsx.bvp.system import stretched
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
@@ -167,7 +167,19 @@ def samples(problem: Problem, layout: Layout, discrete: Discrete, pieces: int = 
         pulleys=tuple(resultants),
         finer=functools.partial(samples, problem, layout, discrete, FINER) if pieces == PIECES else None,
         rate=transport_rate(problem, layout, discrete),
+        closing=None if layout.closes is None else (layout.closes, _missing(problem, discrete)),
     )
+
+
+def _missing(problem: Problem, discrete: Discrete) -> float:
+    """Force along the belt that is missing where a loop begins."""
+    forces, c = [], np.asarray(discrete.values.c)
+    for group, at, end in ((problem.spans, -1, LAST), (problem.contacts, 0, FIRST)):
+        values = discrete.values.z[group is problem.contacts][..., [end]]
+        equations = problem.moved(discrete.values.moves) if group is problem.contacts else group.equations
+        forces.append(equations.joined(problem.rod, group.unscaled(values), c)[4:, at, 0])
+    phi = discrete.values.z[1][0, 0, FIRST] / problem.contacts.units[0]
+    return float((forces[0] - forces[1]) @ [math.cos(phi), math.sin(phi)])
 
 
 def _keeping(problem: Problem, equations: OnPulleys, y: Array, c: float) -> Array:

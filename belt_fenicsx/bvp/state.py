@@ -58,7 +58,8 @@ def pose(
     touching = [i for i, part in enumerate(parts) if part.touches]
     joinings = [Joining(i, i + 1) for i in range(len(parts) - 1)]
     if layout.closed:
-        joinings.append(Joining(len(parts) - 1, 0, winding))
+        follows = conditions is None and layout.closes is not None
+        joinings.append(Joining(len(parts) - 1, 0, winding, follows))
     return Problem(
         rod=rod,
         parts=parts,
@@ -132,6 +133,8 @@ def _conditions(scene: Scene, layout: Layout, rod: Rod) -> Iterator[Condition]:
                 yield Condition(((i, LAST), (transition, LAST)), differs)
             elif index != giving and joint.equation != "loop":
                 yield _drive(scene, layout, index, giving)
+        if index == layout.closes and layout.rate and giving is None:
+            yield _drive(scene, layout, index, giving)
         yield from take_up_conditions(scene, layout, index)
 
 

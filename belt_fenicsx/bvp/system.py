@@ -304,15 +304,19 @@ class _Rows:
         """The rows of what is continuous from a part to the next one, one of which is free."""
         problem, row = self.system.problem, len(self.missed)
         scale = problem.spans.units
-        total = np.zeros(6)
+        total, kept = np.zeros(6), np.eye(6)
+        if joining.follows:
+            # Of the balance of forces, that across the belt is left.
+            phi = problem.contacts.unscaled(self.values.z[1])[0, problem.place[joining.after][1], FIRST]
+            kept = np.vstack([kept[:4], [0.0, 0.0, 0.0, 0.0, -math.sin(phi), math.cos(phi)]])
         for part, end, sign in ((joining.after, FIRST, 1.0), (joining.before, LAST, -1.0)):
             group, at = problem.place[part]
             state, by_y = self.joins[group is problem.contacts]
             total += sign * scale * state[:, at, end]
             if self.derivatives:
                 n, column = group.equations.size, self._column(part, end)
-                block = sign * scale[:, None] * by_y[:, :, at, end]
-                for i in range(6):
+                block = kept @ (sign * scale[:, None] * by_y[:, :, at, end])
+                for i in range(len(kept)):
                     for j in range(n):
                         self._add(row + i, column + j, block[i, j] / group.units[j])
                     if problem.rate is None:
@@ -322,7 +326,7 @@ class _Rows:
                         for i in (0, 1):
                             self._add(row + i, self.system.of_moves + k, sign * scale[i] * take_up.direction[i])
         total[2] += joining.jump
-        self.missed += total.tolist()
+        self.missed += (kept @ total).tolist()
 
     def condition(self, condition: Condition) -> None:
         """The row of a condition."""

@@ -143,6 +143,8 @@ class Table:
         scalars: What couples all cells of a pulley: joints of zones, stretches in stick, transport rate, take-ups.
         joints: The joints among them; in a loop, the last one is where it begins.
         loose: In a loop, the scalar for which there is no equation: instead, the loop begins where it does.
+        forced: The joint where a loop begins that no joint closes: it stays there, and instead of its way the force
+            along the belt is unknown that is missing there; None elsewhere.
         sigma: The dofs of a cell that stand for the joints of its zone.
         patterns: Groups of cells, and how their dofs are eliminated; each cell is in one of them.
     """
@@ -155,6 +157,7 @@ class Table:
     scalars: Array
     joints: Array
     loose: int | None
+    forced: int | None
     sigma: slice
     patterns: tuple[tuple[Array, Pattern], ...]
 
@@ -170,7 +173,7 @@ def loose_joint(layout: Layout, loads: bool) -> int | None:
     Where nothing depends on the transport rate, it follows from the one speed that is given, which places no joint.
     """
     without = "speed" if layout.rate else "loop"
-    if not layout.closed or (layout.rate and loads):
+    if not layout.closed or (layout.rate and loads) or layout.closes is not None:
         return None
     return next((i for i, joint in enumerate(layout.joints) if joint.equation == without), None)
 
@@ -217,8 +220,12 @@ def table(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -
     order = np.roll(np.arange(n), np.count_nonzero(mesh.pulley[mesh.zone == mesh.zone[-1]] == 0) * layout.closed)
     chains = tuple(order[mesh.pulley[order] == pulley] for pulley in layout.pulleys)
     loose = loose_joint(layout, terms.loads)
-    without = rate[0] if rated else None if loose is None else joints[loose]
-    return Table(numbers, fixed, count, chain, chains, np.arange(joints[0], fixed), joints, without, at.sigma, patterns)
+    without = None if loose is None else joints[loose]
+    forced = None if layout.closes is None else joints[-1]
+    if rated and forced is None:
+        without = rate[0]
+    scalars = np.arange(joints[0], fixed)
+    return Table(numbers, fixed, count, chain, chains, scalars, joints, without, forced, at.sigma, patterns)
 
 
 def _patterns(mesh: Mesh, degree: int, terms: Terms) -> tuple[tuple[Array, Pattern], ...]:

@@ -204,7 +204,7 @@ def _divided(chains: Array, table: Table) -> tuple[Array, int]:
     """What is eliminated from the chain of each pulley, then what is left ``(pulleys, w)``, and how much that is."""
     each = [np.unique(chain[chain < table.fixed]) for chain in chains]
     numbers, times = np.unique(np.concatenate(each), return_counts=True)
-    shared = numbers[(times > 1) | (numbers == table.loose)]
+    shared = numbers[(times > 1) | (numbers == table.loose) | (numbers == table.forced)]
     inside, outside = ([own[np.isin(own, shared, invert=invert)] for own in each] for invert in (True, False))
     hidden, left = (max(own.size for own in some) for some in (inside, outside))
     result = np.full((len(each), hidden + left), table.fixed)

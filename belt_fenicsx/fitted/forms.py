@@ -43,7 +43,7 @@ CHORD = (
 PULLEY = ("R", "mu", "side", "given")
 MORE = ("drag", "way_x", "way_y", "force_along")
 SWITCHES = ("touch", "stick", "sense", "tangent", "x", "speed", "coulomb", "stretch", "surface", "force")
-MORE_SWITCHES = ("behind", "angle", "take_up")
+MORE_SWITCHES = ("behind", "angle", "take_up", "runs")
 
 
 def constants_of(terms: Terms) -> tuple[str, ...]:
@@ -275,6 +275,7 @@ def joint_conditions(
     other joints     x = x_trans,  c D_stick = R omega,  D = D_stick  or  f = -s mu p, of the stick next to it
     stretch in stick  D = D_stick  where the belt has the pulley's speed,  int f dsigma = -(torque + drag omega) / R
                       or  int D / R dsigma = slip angle
+    transport rate    c D_stick = R omega, in a loop where no joint has this condition
     take-up           the force along its way
     """
     joints = v.sigma * on.tangent * ufl.dot(belt.r, belt.t)
@@ -296,9 +297,10 @@ def joint_conditions(
         offset=belt.offset,
         weight=own_weight,
     )
-    joints += v.sigma * (
+    ahead = u.e + (u.rate - 1) * (1 + u.e) - cell.given
+    joints += v.rate * on.runs * ahead + v.sigma * (
         on.x * (belt.r[0] - cell.given)
-        + on.speed * (u.e + (u.rate - 1) * (1 + u.e) - cell.given)
+        + on.speed * ahead
         + on.coulomb * (f + on.sense * cell.mu * p)
         + on.stretch * (belt.e - u.e)
     )

@@ -34,6 +34,7 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.search.find import find
 from belt_fenicsx.search.limits import check_smooth, meets
+from belt_fenicsx.search.several import meet_drives
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
@@ -121,6 +122,8 @@ def answer_by(run: Run, starts: Sequence[Start]) -> Accuracy:
     for start in starts:
         try:
             known = raise_degree(run, start(run))
+            if not run.scene.is_published and not meets(run, known.state):
+                known = raise_degree(run, meet_drives(run, known.state))
             if meets(run, known.state):
                 return refine_mesh(run, known)
         except Stopped as stopped:

@@ -108,7 +108,7 @@ class Iteration:
         # On this radius runs the middle line.
         self._radius = self.pulleys[:, 0] + scene.belt.contact_offset
         self._square = self._radius[:, None].astype(np.longdouble) ** 2
-        self._arrived, self._fixed_joints = arrived, fixed_joints
+        self._arrived, self._fixed_joints, self._missing = arrived, fixed_joints, 0.0
         self._monitored = monitored or logger.isEnabledFor(logging.INFO)
         self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
         self._share = state.cells[:, 1] - state.cells[:, 0]
@@ -154,7 +154,8 @@ class Iteration:
         values[:-1, self._turn.start + 1] = values[1:, self._turn.start]
         values[:, self._move] = self._moves
         values[:, self._positions].view(complex)[:] += self._parabolas
-        return replace(start, ends=self.ends, chords=self.chords[:, :4].copy(), values=values)
+        chords = self.chords[:, :4].copy()
+        return replace(start, ends=self.ends, chords=chords, values=values, missing=self._missing)
 
     def _take_apart(self) -> None:
         """Takes the frame's angle off theta, and the parabola over the chord off r."""
@@ -176,12 +177,28 @@ class Iteration:
         # by the same end of the cell as the cell is of the zone.
         for end in (sigma.start, sigma.stop - 1):
             jacobians[:, :, end] *= self._share[:, None]
+        if self.condensed.table.forced is not None:
+            self._force_last_span(jacobians)
         try:
             step, scalars = self.condensed.step(fixed_joints=fixed_joints)
         except np.linalg.LinAlgError:
             return np.full(self.values.shape, math.nan), np.full(1, math.nan)
         step[:, sigma] = 0.0
+        if self.condensed.table.forced is not None:
+            # The residual is without this force, and linear in it: a step has all of it.
+            (at,) = np.flatnonzero(self.condensed.table.scalars == self.condensed.table.forced)
+            self._missing, scalars[at] = float(scalars[at]), 0.0
         return step, scalars
+
+    def _force_last_span(self, jacobians: Array) -> None:
+        """Puts a force along the belt, in the middle of the last span, in place of the way of the joint behind it."""
+        sigma, last = self._sigma, self._mesh.cells(len(self._mesh.layout.parts) - 1)
+        jacobians[self._mesh.cells(0), :, sigma.start] = 0.0
+        jacobians[last, :, sigma.stop - 1] = 0.0
+        # At the left node of a cell: a pulley's own multipliers would take it up.
+        cell, at = (last.start + last.stop) // 2, slice(self._positions.start, self._positions.start + 2)
+        along = self._chords[cell, 1] / abs(self._chords[cell, 1])
+        jacobians[cell, at, sigma.stop - 1] = -along.real, -along.imag
 
     def _arcs(self) -> Array:
         """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
@@ -390,6 +407,7 @@ def switches(mesh: Mesh, terms: Terms) -> Array:
         on[mesh.pulley == pulley, :, column["force"]] = speed.equation == "torque"
         if terms.loads:
             on[place][column["take_up"]] = 1.0
+            on[place][column["runs"]] = speed.equation == "loop" and layout.rate
             transition = layout.transition(pulley)
             if layout.joints[transition].equation == "angle":
                 on[place][column["surface"]], on[place][column["angle"]] = 0.0, 1.0

@@ -56,6 +56,7 @@ class Nodes:
             ``(n, 4)``.
         values: Unknowns of each cell, with the deviations from the chord for positions, its ends 0 and length for
             sigma, and for the stretch in stick its elongation ``(n, dofs)``.
+        missing: Force along the belt that is missing where a loop begins, of which no joint closes it.
     """
 
     scene: Scene
@@ -65,6 +66,7 @@ class Nodes:
     ends: Array
     chords: Array
     values: Array
+    missing: float = 0.0
 
     @property
     def layout(self) -> Layout:

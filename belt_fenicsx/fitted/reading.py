@@ -25,7 +25,9 @@ def samples(scene: Scene, state: State) -> Samples:
     forces_on = (state.pressure_forces, state.friction_forces, state.doubts)
     resultants = zip(*(forces.tolist() for forces in forces_on), strict=True)
     pulleys = [Resultants(*speed_at(scene, state, index), *forces) for index, forces in enumerate(resultants)]
-    return Samples(ends=state.ends, parts=tuple(parts), pulleys=tuple(pulleys), rate=state.rate)
+    closes = state.layout.closes
+    closing = None if closes is None else (closes, state.missing)
+    return Samples(ends=state.ends, parts=tuple(parts), pulleys=tuple(pulleys), rate=state.rate, closing=closing)
 
 
 def sample(state: State, index: int) -> Sample:

@@ -46,7 +46,7 @@ from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stages, Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.bent import bent
+from belt_fenicsx.taut_string.bent import bent, settled
 from belt_fenicsx.taut_string.drive import string_drive
 
 METHOD = "fitted"
@@ -199,7 +199,7 @@ class Run:
         """How far a state is trusted; None where it is not judged."""
         if self.known is not None:
             return self.known.trust if self.known.accuracy.state is state else None
-        return None if state.degree < FINE else trusted(BREACH)
+        return None if state.degree < FINE else trusted(state, BREACH)
 
     def refine(self, state: State) -> State | None:
         """The state with elements of the next even degree; None where the error is small enough.
@@ -238,7 +238,7 @@ class Run:
         early = due and (state.degree >= last or not friction_suffices(self.scene, state))
         if early or (final and state.degree < HIGHEST and self.degree is None):
             breach = max(TOLERANCE if final else BREACH, accuracy.change_of_p)
-            return Known(accuracy, final, trusted(breach), judged=not unsettled)
+            return Known(accuracy, final, trusted(state, breach), judged=not unsettled)
         return Known(accuracy, final, None, judged=before is not None and before.judged)
 
     def start(self, near: State | None = None) -> State:
@@ -268,9 +268,13 @@ class Run:
         raise Stopped(Status.NEWTON_DIVERGED, "No state with a contact was found from the exact string.")
 
 
-def trusted(breach: float) -> Tolerances:
-    """Tolerances of a state that may break bounds by this part of the largest value by its error."""
-    return Tolerances(shrunk=0.0, bound=breach, sense=breach, furthest=FURTHEST)
+def trusted(state: State, breach: float) -> Tolerances:
+    """Tolerances of a state that may break bounds by this part of the largest value by its error.
+
+    It knows a stretch much better: to about the square of that.
+    """
+    stretch = breach**2 * max(float(state.stretches.max()) - 1.0, 0.0)
+    return Tolerances(shrunk=0.0, bound=breach, sense=breach, furthest=FURTHEST, stretch=stretch)
 
 
 def lifts_off(state: State) -> bool:
@@ -298,20 +302,24 @@ def from_string(run: Run, *, fixed_joints: bool = False) -> State:
 
 def from_drive(run: Run, degree: int) -> State:
     """From the exact string of a drive."""
-    guess = drive_guess(run.scene, string_drive(run.scene), degree, run.elements)
+    guess = drive_guess(run.scene, settled(run.scene, string_drive(run.scene)), degree, run.elements)
     run.stages.ran("string", "first guess")
     return run.converge(guess, "string", "the rows of the string")
 
 
 def from_bent_drive(run: Run) -> State:
-    """From the string with the layers of a belt that touches with its surface.
+    """From the string with the layers of a belt that touches with its surface, or only turns.
+
+    Of a loop that only turns, the string itself is no guess: where two spans are parallel, nothing in it says where the
+    belt leaves the pulley between them, and the equations are singular.
 
     Raises:
-        Stopped: Contact acts at the middle line.
+        Stopped: There are none in the string.
     """
-    if run.scene.belt.contact_offset == 0.0:
+    string = bent(run.scene, string_drive(run.scene))
+    if not string.bends:
         raise Stopped(Status.NEWTON_DIVERGED, "The touching fibre is the middle line.")
-    guess = drive_guess(run.scene, bent(run.scene, string_drive(run.scene)), FIRST, run.elements)
+    guess = drive_guess(run.scene, string, FIRST, run.elements)
     run.stages.ran("string", "first guess, with layers")
     return run.converge(guess, "string", "the rows of the string with layers")
 

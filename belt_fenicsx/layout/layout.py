@@ -42,12 +42,14 @@ class Speed:
     """The equation for the surface speed of a pulley, which the belt has where it sticks.
 
     Attributes:
-        equation: ``"stretch"`` (the belt's stretch before this joint is the one that goes with this speed) or
-            ``"torque"`` (friction has the scene's torque).
+        equation: ``"stretch"`` (the belt's stretch before this joint is the one that goes with this speed),
+            ``"torque"`` (friction has the scene's torque) or ``"loop"`` (as ``"stretch"``, in a loop that no joint
+            closes: this speed gives the transport rate, if that is unknown, and the balance along the belt in one place
+            follows from all other equations).
         joint: Index of the joint at which the belt first has the pulley's speed.
     """
 
-    equation: Literal["stretch", "torque"]
+    equation: Literal["stretch", "torque", "loop"]
     joint: int
 
 
@@ -72,6 +74,8 @@ class Layout:
     def __post_init__(self) -> None:
         unknowns, of_the_length = len(self.parts) + len(self._on) + self.rate, 1
         equations = sum(joint.equation != "loop" for joint in self.joints) + len(self.speeds) + of_the_length
+        # Of a loop that only turns, one equation follows from the others; where the rate is unknown, that is instead.
+        equations -= any(speed.equation == "loop" for speed in self.speeds) and not self.rate
         assert equations == unknowns, "as many equations as unknowns"
 
     def __str__(self) -> str:
@@ -87,6 +91,12 @@ class Layout:
     def pulleys(self) -> tuple[int, ...]:
         """Indices of the pulleys that are touched."""
         return tuple(self._on)
+
+    @property
+    def closes(self) -> int | None:
+        """The pulley that closes a loop without a joint that does so; None where there is one."""
+        pairs = zip(self.pulleys, self.speeds, strict=True)
+        return next((pulley for pulley, speed in pairs if speed.equation == "loop"), None)
 
     def on(self, pulley: int) -> range:
         """Indices of the parts on a pulley."""

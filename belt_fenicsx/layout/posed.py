@@ -8,6 +8,12 @@ On a pulley, D' is about f0 - f, where f0 is the friction that would keep the st
   where |f0| = mu p at the latest: D' then has the sign of f0 whatever the friction, and so has the sliding.
 - Where D comes back to the stretch in stick otherwise, it crosses it, and sliding goes on in the other sense
   ("stretch").
+
+Around a loop that only turns, the belt sticks to the end of each contact, and no drive places a joint. N.r' + M theta'
+less the energy of strain changes by -D f alone and comes back to itself around the loop: sum D int f = 0, by power too.
+So the balance along the belt in one place follows from that in all others. Elsewhere, a joint placed by a given speed
+makes up for it; here, the speed says how fast the belt runs, and no more. What such a joint would have to close shows
+as a force that is missing in that one place ("loop").
 """
 
 from __future__ import annotations
@@ -47,6 +53,8 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
     parts: list[Part] = [] if scene.closed else [FREE]
     joints: list[Joint] = []
     speeds: list[Speed] = []
+    # Speeds that may close a loop.
+    closing: list[int] = []
     for index, group in itertools.groupby(contact, key=lambda part: part.pulley):
         pulley, on = scene.pulleys[index], list(group)
         sticks = [part.kind == "stick" for part in on]
@@ -56,22 +64,28 @@ def ordered(scene: Scene, contact: Sequence[Part]) -> Layout:
         speeds.append(
             Speed("torque" if placed_by_torque else "stretch", len(joints) + left + (len(on) > 1 and not any(sticks)))
         )
+        if any(sticks) and pulley.drive.kind == ("omega" if scene.transport_rate is None else "none"):
+            closing.append(len(speeds) - 1)
         joints += [RUN_UP_JOINT, *_inner_joints(pulley, on, left), RUN_OFF_JOINT]
         parts += [*on, FREE]
     if scene.closed:
         # The last joint is the first run-up.
         joints = [*joints[1:], joints[0]]
         speeds = [Speed(speed.equation, speed.joint - 1) for speed in speeds]
+        if closing and not any(joint.equation in ("speed", "loop") for joint in joints):
+            speeds[closing[0]] = Speed("loop", speeds[closing[0]].joint)
     return Layout(tuple(parts), tuple(joints), tuple(speeds), scene.closed, scene.transport_rate is None)
 
 
 def gives_rate(scene: Scene, layout: Layout) -> int | None:
     """The pulley whose speed gives the transport rate where no force depends on it; None if there is none.
 
-    It is the first one whose speed is given, and which the belt leaves behind a transition.
+    It is the first one whose speed is given, and which the belt leaves behind a transition; without one, it is the
+    first one to which the belt sticks.
     """
-    driven = (i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega")
-    return next((i for i in driven if layout.slides_behind(i)), None)
+    driven = [i for i, pulley in enumerate(scene.pulleys) if pulley.drive.kind == "omega" and i in layout.pulleys]
+    sliding = (i for i in driven if layout.slides_behind(i))
+    return next(sliding, next((i for i in driven if layout.sticks(i)), None))
 
 
 def slips_through(scene: Scene, layout: Layout) -> int | None:

@@ -81,6 +81,8 @@ class Samples:
         finer: Makes the same more densely, for the places of new joints, which have to start close to where they will
             be; None if these samples suffice.
         rate: Transport rate.
+        closing: The pulley that closes a loop without a joint that does so, and the force along the belt that is
+            missing where the loop begins; None elsewhere.
     """
 
     ends: Array
@@ -88,6 +90,7 @@ class Samples:
     pulleys: tuple[Resultants, ...]
     finer: Callable[[], Samples] | None = None
     rate: float = 1.0
+    closing: tuple[int, float] | None = None
 
     @property
     def only(self) -> Resultants:
@@ -111,12 +114,14 @@ class Tolerances:
         bound: Excess of Coulomb's bound that does not count, relative to the largest bound of the part.
         sense: Speed of sliding in the wrong sense that does not count, relative to the largest speed of the part.
         furthest: Part of a stick part that sliding next to it takes at once, at most.
+        stretch: Error of a stretch, whatever the speed of sliding.
     """
 
     shrunk: float
     bound: float
     sense: float
     furthest: float = 1.0
+    stretch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -310,7 +315,7 @@ class _Contact:
         else:
             return None
         ahead = parts[i].sense * (at.D - speed)
-        wrong = ahead < -max(self.tolerances.sense * np.abs(ahead).max(), ROUNDING)
+        wrong = ahead < -max(self.tolerances.sense * np.abs(ahead).max(), self.tolerances.stretch, ROUNDING)
         if not wrong.any():
             return None
         why = f"the belt slides the other way in a part of {parts[i]}"

@@ -27,6 +27,9 @@ def leaves_transition(scene: Scene) -> bool:
 def ahead(scene: Scene, samples: Samples, index: int = 0) -> float:
     """By how much the given stretch, or resultant of friction, on a pulley exceeds that of a state."""
     pulley, of_state = scene.pulleys[index], samples.pulleys[index]
+    if samples.closing is not None and samples.closing[0] == index:
+        # Its speed gives the rate: what is asked of its friction is that the loop is in balance where it begins.
+        return samples.closing[1]
     if pulley.omega is not None:
         return pulley.radius * pulley.omega / samples.rate - of_state.speed
     torque = (pulley.torque or 0.0) + pulley.drag * samples.rate * of_state.speed / pulley.radius
@@ -41,13 +44,19 @@ def missed(scene: Scene, samples: Samples, index: int = 0) -> float:
 
 
 def unmet(method: Method[S], state: S) -> list[int]:
-    """Pulleys without a transition that their drive could place, whose speed or torque is not met."""
+    """Pulleys without a transition that their drive could place, whose speed or torque is not met.
+
+    That which closes a loop comes last: what it lacks is what all others take.
+    """
     scene, layout = method.scene, state.layout
     free = [
         index
         for index, pulley in enumerate(scene.pulleys)
-        if pulley.drive.kind in ("omega", "torque") and pulley.friction > 0.0 and not layout.slides_behind(index)
+        if (pulley.drive.kind in ("omega", "torque") or index == layout.closes)
+        and pulley.friction > 0.0
+        and not layout.slides_behind(index)
     ]
+    free.sort(key=lambda index: index == layout.closes)
     return [index for index in free if missed(scene, method.samples(state), index) > 0.0] if free else []
 
 

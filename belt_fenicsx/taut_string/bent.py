@@ -29,8 +29,9 @@ from belt_fenicsx.layout.kind import Part, sliding
 from belt_fenicsx.scene.belt import StiffnessBelt
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.taut_string.forces import friction
-from belt_fenicsx.taut_string.shape import Drawing, StringDrive, StringPart
+from belt_fenicsx.taut_string.shape import Drawing, StringDrive, StringPart, sticking
 
+STICKS = 1e-3  # A loop sticks in a first guess if it slides along no more than this part of each wrap.
 MOST = 0.35  # Of a wrap, a bending layer takes this part at most from each end.
 LEAST = 0.02  # Of a contact, this part sticks at least, or nothing, and so much slides behind stick.
 BACKWARD = 0.75  # Of a contact on which nothing sticks, this part slides backward at most.
@@ -145,13 +146,15 @@ class Layers:
 
 
 def bent(scene: Scene, string: StringDrive) -> StringDrive:
-    """The string of a dimensionless scene with the layers of a belt that touches with its surface.
+    """The string of a dimensionless scene with the layers of a belt that touches with its surface, or only turns.
 
-    Where contact acts at the middle line, it is the string itself.
+    Where contact acts at the middle line and drives make the belt slide, it is the string itself. A loop in which it
+    hardly slides is one that sticks: where a drive is not met, the search lets it slide.
     """
     belt = scene.belt
     assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
-    if belt.contact_offset == 0.0:
+    string = settled(scene, string)
+    if belt.contact_offset == 0.0 and not string.turns:
         return string
     groups = [(arc, [*on]) for arc, on in itertools.groupby(string.parts, key=lambda own: own.arc)]
     groups = [(arc, on if arc is None else [*_on_pulley(scene, on)]) for arc, on in groups]
@@ -177,6 +180,16 @@ def bent(scene: Scene, string: StringDrive) -> StringDrive:
         }
         parts.append(BentSpan(**{**vars(span), **shape, "layer": layer}))
     return replace(string, parts=tuple(parts), bends=True)
+
+
+def settled(scene: Scene, string: StringDrive) -> StringDrive:
+    """The string of a loop that slides along next to nothing as one that only turns; any other one as it is."""
+    wraps = {own.part.pulley: own.arc.wrap for own in string.parts if own.arc is not None}
+    turns = scene.closed and all(
+        not pulley.drive.is_place and (pulley.friction == 0.0 or string.slip_angles[i] <= STICKS * wraps[i])
+        for i, pulley in enumerate(scene.pulleys)
+    )
+    return sticking(scene, string) if turns else string
 
 
 def _on_pulley(scene: Scene, on: Sequence[StringPart]) -> Iterator[StringPart]:

@@ -95,6 +95,7 @@ class StringDrive:
         take_ups: Displacement of each pulley along its take-up; zero without one.
         centers: Centre of each, with its take-up done.
         bends: Whether it has the layers and the parts of a belt that bends.
+        turns: Whether it is a loop that only turns.
     """
 
     parts: tuple[StringPart, ...]
@@ -105,6 +106,7 @@ class StringDrive:
     take_ups: tuple[float, ...]
     centers: tuple[Point, ...]
     bends: bool = False
+    turns: bool = False
 
     def on(self, pulley: int) -> list[StringPart]:
         """The parts on a pulley."""
@@ -128,6 +130,17 @@ def undivided(string: StringDrive) -> StringDrive:
         else:
             parts.append(own)
     return replace(string, parts=tuple(parts))
+
+
+def sticking(scene: Scene, string: StringDrive) -> StringDrive:
+    """The string that sticks all along each pulley with friction."""
+    parts = [
+        replace(own, part=Part("stick", pulley=own.part.pulley))
+        if own.part.touches and scene.pulleys[own.part.pulley].friction > 0.0
+        else own
+        for own in undivided(string).parts
+    ]
+    return replace(string, parts=tuple(parts), turns=True)
 
 
 def drawn_on(path: Path, scene: Scene, forces: Forces, centers: tuple[Point, ...]) -> StringDrive:

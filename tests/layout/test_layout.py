@@ -64,6 +64,23 @@ def test_parts_of_several_pulleys_get_their_own_rows():
     assert (layout.on(1), layout.transition(1), layout.slides_behind(1)) == (range(4, 6), 4, True)
 
 
+def test_a_loop_that_only_turns_is_closed_by_no_joint():
+    def loop(contact, *drives, rate=None):
+        pulleys = tuple(Pulley(**drive) for drive in drives)
+        return ordered(SimpleNamespace(pulleys=pulleys, closed=True, transport_rate=rate), contact)
+
+    stick, other, slip = Part("stick"), Part("stick", pulley=1), Part("slip", "forward")
+    turns = loop([stick, other], {"torque": 0.0}, {"omega": 1.0})
+    assert [joint.equation for joint in turns.joints] == ["tangent"] * 4
+    assert turns.speeds == (Speed("stretch", -1), Speed("loop", 1))
+    assert turns.closes == 1
+    assert loop([stick, other], {"omega": 1.0}, {"omega": 2.0}).closes == 0
+    assert loop([slip, other], {"omega": 1.0}, {"omega": 2.0}).closes == 1
+    slides = loop([stick, slip, other], {"omega": 1.0}, {"torque": 0.0})
+    assert slides.closes is None and slides.joints[0].equation == "speed"
+    assert loop([stick, other], {"torque": 0.0}, {}, rate=1.0).closes == 1
+
+
 def test_conditions_of_each_drive_and_order():
     stick, forward, backward = Part("stick"), Part("slip", "forward"), Part("slip", "backward")
 
