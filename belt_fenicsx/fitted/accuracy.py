@@ -35,8 +35,6 @@ ROUNDING = 5000.0  # The rounding error of the speed in units of `EPSILON`; most
 # The rounding error of a bending force in the shortest cell, in units of `EPSILON`, for each cell; it is the larger one
 # from a thousand cells on.
 BENDING = 4.0
-# So much of a stretch may be wrong by the friction that is in doubt; what was measured was a third of it, or less.
-UNPLACED = 1 / 8
 # These parts of a field's change are left: of stretches, whose errors fall by more, and of all others.
 LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 # The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
@@ -192,13 +190,13 @@ def _strain(state: State) -> float:
 def rounding(scene: Scene, state: State) -> float:
     """Rounding error of the angular velocity: that of stretches, and of forces by bending in the shortest cells.
 
-    On a pulley that the belt leaves in stick, no joint is placed by what friction transmits: what rounding makes of
-    that is a difference of the forces in the spans before and behind.
+    On a pulley that the belt leaves in stick, no equation places a joint by what friction transmits: what rounding makes
+    of that is a difference of the forces in the spans before and behind, of which each has a half.
     """
     shortest, belt = float(state.length.min()), scene.belt
     bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
     idle = [i for i in state.layout.pulleys if scene.closed and not state.layout.slides_behind(i)]
-    unplaced = UNPLACED * max(state.doubts[idle].tolist(), default=0.0) / belt.extensional_stiffness
+    unplaced = max(state.doubts[idle].tolist(), default=0.0) / 2.0 / belt.extensional_stiffness
     return EPSILON * (ROUNDING + BENDING * bending / shortest) + unplaced
 
 

@@ -178,17 +178,10 @@ class Nodes:
 
     @functools.cached_property
     def doubts(self) -> Array:
-        """What rounding may make of the friction on each pulley ``(pulleys,)``: that of a stretch in a short cell.
-
-        Where the belt turns by about half a turn, forces at both ends of the contact are parallel, and what is wrong in
-        one is made up for by the other: it is larger as the cosine of half the wrap is smaller (measured).
-        """
+        """What rounding may make of the friction on each pulley ``(pulleys,)``: that of a stretch in a short cell."""
         shortest = np.full_like(self.friction_forces, np.inf)
         np.minimum.at(shortest, self.mesh.pulley, self.length)
-        chords, cells, on = self.complex_chords, self.mesh.cells, map(self.layout.on, self.layout.pulleys)
-        ends = [(chords[cells(i[0]).start, 0], chords[cells(i[-1]).stop - 1].sum()) for i in on]
-        half = np.array([abs(up / abs(up) + off / abs(off)) / 2.0 for up, off in ends])
-        return ROUNDING / (shortest * np.maximum(half, ROUNDING))
+        return ROUNDING / shortest
 
     def _integrals(self, dofs: slice) -> Array:
         """Integrals of what has these dofs at the Gauss points ``(pulleys,)``."""
