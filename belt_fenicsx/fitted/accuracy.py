@@ -190,8 +190,8 @@ def _strain(state: State) -> float:
 def rounding(scene: Scene, state: State) -> float:
     """Rounding error of the angular velocity: that of stretches, and of forces by bending in the shortest cells.
 
-    On a pulley that the belt leaves in stick, no equation places a joint by what friction transmits: what rounding makes
-    of that is a difference of the forces in the spans before and behind, of which each has a half.
+    On a pulley that the belt leaves in stick, no equation places a joint by what friction transmits: what rounding
+    makes of that is a difference of the forces in the spans before and behind, of which each has a half.
     """
     shortest, belt = float(state.length.min()), scene.belt
     bending = len(state.cells) * belt.bending_stiffness / belt.extensional_stiffness
