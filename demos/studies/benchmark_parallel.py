@@ -9,8 +9,9 @@
 #
 # What ranks can gain at most is for the machine to say: two processes that share nothing, at the same time, show it.
 #
-#     python demos/studies/benchmark_parallel.py            prints the table
-#     python demos/studies/benchmark_parallel.py --readme   writes it into the README, too
+#     python demos/studies/benchmark_parallel.py            prints the tables
+#     python demos/studies/benchmark_parallel.py --table "parallel drives" --repeats 1
+#     python demos/studies/benchmark_parallel.py --readme   writes them into the README, too
 
 # %%
 import argparse
@@ -144,9 +145,12 @@ def run_rank(what: str, count: int) -> None:
 
 
 # %%
-def measured(what: str, count: int) -> list[dict[str, float]]:
+Runs = dict[tuple[int, str], list[dict[str, float]]]  # of each row, on each number of ranks
+
+
+def measured(what: str, count: int, repeats: int) -> list[dict[str, float]]:
     """Measures on each number of ranks: medians of runs that take turns, so that all see the same machine."""
-    runs = [[measured_once(what, count, ranks) for ranks in RANKS] for _ in range(REPEATS)]
+    runs = [[measured_once(what, count, ranks) for ranks in RANKS] for _ in range(repeats)]
     return [{name: median(run[name] for run in own) for name in own[0]} for own in zip(*runs, strict=True)]
 
 
@@ -196,20 +200,23 @@ def power(counts: Sequence[int], values: Sequence[float]) -> float:
     return float(np.polyfit(np.log(counts), np.log(values), 1)[0])
 
 
-def table() -> str:
-    """The table, with the machine's load when it was begun."""
-    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run; medians of {REPEATS}."
-    asked = [(count, "elements") for count in ELEMENTS]
-    asked += [(ON_A_LOOP, "elements on a loop"), (SCENES, "scenes"), (DRIVES, "drives")]
+def rows(asked: Sequence[tuple[int, str]], repeats: int) -> tuple[list[str], Runs]:
+    """Lines of a table, with the machine's load when it was begun, and what they are made from."""
+    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} before the first run; medians of {repeats}."
     runs = {}
     for count, what in asked:
         print(f"{count} {what} ...", file=sys.stderr)
-        runs[count, what] = measured(what, count)
+        runs[count, what] = measured(what, count, repeats)
     times = [f"ranks {n} [s]" for n in RANKS]
     each = ["1 rank, each [us]", "memory of a rank [MB]", "1 rank, each [kB]", "iterations on this mesh", "error"]
     head = ["run", *times, "gain", *each]
     lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
-    lines += [row(count, what, runs[count, what]) for count, what in asked]
+    return [load, "", *lines, *(row(count, what, runs[count, what]) for count, what in asked)], runs
+
+
+def table(repeats: int) -> str:
+    """The chapter's scene on more and more elements, and many of its like."""
+    lines, runs = rows([*((count, "elements") for count in ELEMENTS), (SCENES, "scenes")], repeats)
     fitted = [count for count in ELEMENTS if count >= FITTED]
     one = [runs[count, "elements"][0] for count in fitted]
     seconds = power(fitted, [run["seconds"] for run in one])
@@ -225,20 +232,31 @@ def table() -> str:
         + ", ".join(f"{n} ({iterations} iterations, {each:.1f} us each)" for n, iterations, each in way)
         + ".",
     ]
-    return "\n".join([load, "", *lines, "", *text])
+    return "\n".join([*lines, "", *text])
+
+
+def table_of_drives(repeats: int) -> str:
+    """A loop on many elements, and many drives."""
+    return "\n".join(rows([(ON_A_LOOP, "elements on a loop"), (DRIVES, "drives")], repeats)[0])
+
+
+TABLES = {"parallel": table, "parallel drives": table_of_drives}
 
 
 # %%
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Large meshes and many scenes, on one rank and on two.")
     parser.add_argument("--readme", action="store_true", help="write the table into the README")
+    parser.add_argument("--table", choices=TABLES, help="one of them alone")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="of each run, of which the median is taken")
     parser.add_argument("--rank", choices=[*MEASURED], help=argparse.SUPPRESS)
     parser.add_argument("--count", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.rank is not None:
         run_rank(arguments.rank, arguments.count)
     else:
-        text = table()
-        print(text)
-        if arguments.readme:
-            write_into_readme("parallel", text)
+        for name in [arguments.table] if arguments.table else TABLES:
+            text = TABLES[name](arguments.repeats)
+            print(text)
+            if arguments.readme:
+                write_into_readme(name, text)
