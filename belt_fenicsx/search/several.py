@@ -64,7 +64,7 @@ def solve_several(method: Method[S]) -> S:
 
 
 def _by_torques(method: Method[S]) -> S:
-    """A state of drives that say where stick ends, from the torques that the string has with them.
+    """A state of drives by slip angles, from the torques that the string has with them.
 
     A torque leaves it to the search how the belt slides, which a short contact or a stiff belt tells otherwise than the
     string does.
@@ -76,14 +76,14 @@ def _by_torques(method: Method[S]) -> S:
     placed = [i for i, p in enumerate(scene.pulleys) if p.drive.kind == "slip_angle" and p.friction > 0.0]
     pulleys = [p.driven(torque=torques[i]) if i in placed else p for i, p in enumerate(scene.pulleys)]
     if not placed:
-        raise Stopped(Status.NEWTON_DIVERGED, "No drive says where stick ends.")
+        raise Stopped(Status.NEWTON_DIVERGED, "No slip angle is given.")
     driven = method.at(scene.altered(pulleys=tuple(pulleys)))
     try:
         near = settle(driven, solve_several(driven))
     except Stopped as stopped:
         raise Stopped(Status.NEWTON_DIVERGED, f"With the torques of the string: {stopped.message}") from None
     finally:
-        method.stages.ran("torques", "the string's, where a drive says where stick ends", driven.stages.iterations)
+        method.stages.ran("torques", "the string's, where slip angles are given", driven.stages.iterations)
     parts, behind = [*near.layout.parts], list[int]()
     for i in placed:
         on = near.layout.on(i)

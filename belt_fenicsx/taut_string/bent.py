@@ -35,9 +35,7 @@ STICKS = 1e-3  # A loop sticks in a first guess if it slides along no more than 
 MOST = 0.35  # Of a wrap, a bending layer takes this part at most from each end.
 LEAST = 0.02  # Of a contact, this part sticks at least, or nothing, and so much slides behind stick.
 BACKWARD = 0.75  # Of a contact on which nothing sticks, this part slides backward at most.
-SHORTEST = (
-    0.06  # Sliding forward behind sliding backward is at least as long, in parts of the latter, if there is some.
-)
+SHORTEST = 0.06  # Of sliding backward, sliding forward behind it is as long as this part at least, if there is some.
 
 
 @dataclass(frozen=True, kw_only=True)

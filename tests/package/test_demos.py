@@ -60,8 +60,8 @@ def test_demo(name, capsys):
     "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in FIGURES]
 )
 def test_notebook(name):
-    pytest.importorskip("jupytext")
-    pytest.importorskip("nbclient")
+    pytest.importorskip("jupytext", reason="`run` installs it; a bare tree does without")
+    pytest.importorskip("nbclient", reason="`run` installs it; a bare tree does without")
     import notebooks
 
     made = notebooks.executed(DEMOS / f"{name}.py")
@@ -74,8 +74,8 @@ def test_notebook(name):
 @pytest.mark.serial
 @pytest.mark.parametrize("name", FIGURES)
 def test_demos_read_as_notebooks(name):
-    pytest.importorskip("jupytext")
-    pytest.importorskip("nbclient")
+    pytest.importorskip("jupytext", reason="`run` installs it; a bare tree does without")
+    pytest.importorskip("nbclient", reason="`run` installs it; a bare tree does without")
     import notebooks
 
     made = notebooks.notebook(DEMOS / f"{name}.py")
