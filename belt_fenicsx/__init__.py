@@ -8,8 +8,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from belt_fenicsx.solution.evaluators import MAKERS
-
 if TYPE_CHECKING:
     from belt_fenicsx import bvp
     from belt_fenicsx.safety import slip_safety
@@ -58,16 +56,6 @@ __all__ = [
     "solve",
     "sweep",
 ]
-
-
-def _fitted_evaluator(*arguments: Any) -> Any:
-    """The evaluator of a solution of the fitted method, read from a file."""
-    from belt_fenicsx.fitted.evaluator import Evaluator
-
-    return Evaluator.from_arrays(*arguments)
-
-
-MAKERS["fitted"] = _fitted_evaluator
 
 
 def __getattr__(name: str) -> Any:

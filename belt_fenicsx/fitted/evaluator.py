@@ -1,112 +1,65 @@
-"""What a solution of the fitted method keeps to know its fields between points: arrays that a file can hold."""
+"""What knows the fields of a solution of the fitted method between points."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.fitted.cells import meshed
-from belt_fenicsx.fitted.dofs import terms_of, width
+from belt_fenicsx.fitted.reading import fields_in
+from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.kind import Part
-from belt_fenicsx.layout.posed import ordered
-from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
-from belt_fenicsx.solution.contact import Zone
 from belt_fenicsx.solution.fields import Fields
+from belt_fenicsx.solution.piecewise import Piecewise, points
 
-if TYPE_CHECKING:
-    from belt_fenicsx.fitted.state import State
-
-
-# Names of the arrays, and the kinds of their numbers.
-ARRAYS = {"degree": "i", "counts": "i", "cells": "f", "ends": "f", "chords": "f", "values": "f"}
+# Pressure and friction are no polynomials; those of this many times the degree of the elements, and one more, are the
+# same to rounding.
+FINER = 2
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Fields of a fitted solution at any points.
+    """Fields of a fitted solution at any points, by polynomials that are made when they are first asked for.
 
     Attributes:
         scene: The scene, in its own units.
-        zones: All zones of the belt.
-        degree: Degree k ``()``.
-        counts: Number of cells of each zone ``(z,)``.
-        cells: As in a state ``(n, 2)``.
-        ends: As in a state ``(z + 1,)``.
-        chords: As in a state ``(n, 4)``.
-        values: As in a state ``(n, dofs)``.
+        state: The dimensionless state.
+        units: The units of the latter's scene.
     """
 
     scene: Scene
-    zones: tuple[Zone, ...]
-    degree: Array
-    counts: Array
-    cells: Array
-    ends: Array
-    chords: Array
-    values: Array
+    state: State
+    units: Units
 
-    @classmethod
-    def of(cls, scene: Scene, zones: tuple[Zone, ...], state: State) -> Evaluator:
-        """What is kept of a state."""
-        return cls(
-            scene=scene, zones=zones, degree=np.array(state.degree), counts=np.array(state.mesh.counts),
-            cells=state.cells, ends=state.ends, chords=state.chords, values=state.values,
-        )  # fmt: skip
-
-    @classmethod
-    def from_arrays(cls, scene: Scene, zones: tuple[Zone, ...], arrays: Mapping[str, Array]) -> Evaluator:
-        """The evaluator whose `arrays` were kept in a file.
-
-        Raises:
-            SceneError: An array is missing, or has another shape or kind than it must have.
-        """
-        if set(arrays) != set(ARRAYS):
-            raise SceneError("evaluator", f"have {', '.join(ARRAYS)}", Verbatim(", ".join(sorted(arrays))))
-        cells, dofs = len(arrays["cells"]), width(int(arrays["degree"]), terms_of(scene).loads)
-        shapes = (), (len(zones),), (cells, 2), (len(zones) + 1,), (cells, 4), (cells, dofs)
-        for (name, kind), shape in zip(ARRAYS.items(), shapes, strict=True):
-            if arrays[name].shape != shape or arrays[name].dtype.kind != kind:
-                found = Verbatim(f"{arrays[name].dtype} of shape {arrays[name].shape}")
-                raise SceneError(f"evaluator.{name}", f"hold numbers of shape {shape}", found)
-        if arrays["counts"].min() < 1 or arrays["counts"].sum() != cells:
-            raise SceneError("evaluator", f"have the cells of {len(zones)} zones", Verbatim("others"))
-        return cls(scene=scene, zones=zones, **arrays)
+    @functools.cached_property
+    def polynomials(self) -> Piecewise:
+        """The polynomials."""
+        state, xi = self.state, (1.0 + points(FINER * self.state.degree + 2)) / 2.0
+        cell = np.repeat(np.arange(len(state.cells)), xi.size)
+        fields = fields_in(state.scene, state, cell, np.tile(xi, len(state.cells))).in_units(self.units)
+        return Piecewise.through(
+            fields,
+            scene=self.scene,
+            pulleys=tuple(part.pulley if part.touches else None for part in state.layout.parts),
+            rate=state.rate * self.units.rate,
+            counts=np.array(state.mesh.counts),
+            edges=np.append(state.sigma[:, 0], state.sigma[-1, 1]) * self.units.length,
+        )
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """All arrays, by name."""
-        return {name: getattr(self, name) for name in ARRAYS}
+        """What a file keeps, by name."""
+        return self.polynomials.arrays
 
     def __call__(self, sigma: Array, before: bool) -> Fields:
-        """Fields at points ``(m,)`` [m].
+        """Fields at points ``(m,)`` [m], at a joint those of the zone before it, or after it."""
+        return self.polynomials(sigma, before)
 
-        Args:
-            sigma: Coordinates in the belt ``(m,)`` [m].
-            before: Whether a joint between zones belongs to the zone before it instead of the zone after it.
-        """
-        # It loads UFL and Basix, which a file is read without.
-        from belt_fenicsx.fitted.reading import fields_at
-
-        state, units = self._dimensionless
-        return fields_at(state.scene, state, sigma / units.length, before).in_units(units)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    @functools.cached_property
-    def _dimensionless(self) -> tuple[State, Units]:
-        """The state, and the units of its scene."""
-        from belt_fenicsx.fitted.state import State
-
-        plain, units = self.scene.dimensionless()
-        touching = [Part(zone.kind, zone.slip, zone.pulley) for zone in self.zones if zone.pulley is not None]
-        layout = ordered(plain, touching)
-        mesh = meshed(layout, tuple(self.counts.tolist()))
-        return State(plain, mesh, self.cells, int(self.degree), self.ends, self.chords, self.values), units
+    def __reduce__(self) -> tuple[Callable[..., Piecewise], tuple[Any, ...]]:
+        """What travels are the polynomials."""
+        return Piecewise.from_arrays, (self.scene, self.polynomials.pulleys, self.polynomials.rate, self.arrays)

@@ -100,7 +100,7 @@ def solved(run: Run, starts: Sequence[Start]) -> Solution:
         field_errors=known.errors_of_fields,
         measures={"change of p": known.change_of_p, "error of torque": known.error_of_torque},
         state=known.state,
-        evaluator=Evaluator.of(scene, found_there["zones"], known.state),
+        evaluator=Evaluator(scene, known.state, run.units),
         **found_there,
     ).in_units(scene, run.units)
     doubts = (known.state.doubts * run.units.force).tolist()

@@ -98,23 +98,21 @@ def friction_suffices(scene: Scene, state: State) -> bool:
     return not np.any(np.abs(values[:, at.f]) > friction * values[:, at.p])
 
 
-def fields_at(scene: Scene, state: State, sigma: Array, before: bool = False) -> Fields:
+def fields_in(scene: Scene, state: State, cell: Array, xi: Array) -> Fields:
     """Fields at any points, with the accuracy of the method.
 
     Args:
         scene: The dimensionless scene.
         state: The state.
-        sigma: Coordinates in the belt ``(m,)``.
-        before: Whether a joint between zones belongs to the zone before it instead of the zone after it.
+        cell: Cells of the points ``(m,)``.
+        xi: Where they lie in these, from 0 to 1 ``(m,)``.
     """
-    sigma = np.asarray(sigma, dtype=float)
-    cell, xi = state.located(sigma, before=before)
     (r, theta), (p, f), (strain, kappa) = state.at(cell, xi), state.tractions_at(cell, xi), state.strains_at(cell, xi)
     tangent = state.fibre(cell, strain, kappa)
     D = np.abs(tangent)
     return Fields.from_state(
-        scene.belt, zone=state.mesh.zone[cell], sigma=sigma, r=vectors(r), theta=theta,
-        phi=theta + np.angle(tangent), D=D, rate=state.rate, kappa=kappa, p=p, f=f,
+        scene.belt, zone=state.mesh.zone[cell], sigma=state.sigma[cell, 0] + xi * state.length[cell], r=vectors(r),
+        theta=theta, phi=theta + np.angle(tangent), D=D, rate=state.rate, kappa=kappa, p=p, f=f,
         v_rel=sliding(scene, state, cell, D), offset=state.offsets[cell] if state.terms.offset else None,
     )  # fmt: skip
 

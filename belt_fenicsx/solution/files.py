@@ -23,8 +23,8 @@ from belt_fenicsx.scene.checks import SceneError, Verbatim
 from belt_fenicsx.scene.file import scene_from_dict, scene_to_dict, table
 from belt_fenicsx.solution.certificate import Check
 from belt_fenicsx.solution.contact import Contact, Zone
-from belt_fenicsx.solution.evaluators import MAKERS
 from belt_fenicsx.solution.fields import DERIVED, QUANTITIES, Fields
+from belt_fenicsx.solution.piecewise import Piecewise
 from belt_fenicsx.solution.stages import Stage
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.solution.summary import as_json
@@ -92,9 +92,8 @@ def load(path: str | Path) -> dict[str, Any]:
         arguments = from_plain(plain, _fields(arrays) if arrays else None)
         if between:
             named = {name.removeprefix(EVALUATOR): values for name, values in between.items()}
-            if arguments["method"] not in MAKERS:
-                raise SceneError("method", f"be one of {', '.join(MAKERS)}", arguments["method"])
-            arguments["evaluator"] = MAKERS[arguments["method"]](arguments["scene"], arguments["zones"], named)
+            pulleys, rate = tuple(zone.pulley for zone in arguments["zones"]), arguments["transport_rate"]
+            arguments["evaluator"] = Piecewise.from_arrays(arguments["scene"], pulleys, rate, named)
         return arguments
     except Exception as error:  # damaged archives, arrays and texts fail in many ways in Python's and NumPy's readers
         why = str(error) if isinstance(error, SceneError) else f"{type(error).__name__}: {error}"

@@ -33,7 +33,7 @@ class Evaluator(Protocol):
 
     @property
     def arrays(self) -> Mapping[str, Array]:
-        """What it is made from, by name."""
+        """What a file keeps of it, by name."""
 
     def __call__(self, sigma: Array, before: bool) -> Fields:
         """Fields at points ``(m,)`` [m], at a joint those of the zone before it, or after it."""

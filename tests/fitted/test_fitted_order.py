@@ -15,7 +15,7 @@ from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.elimination import Condensed
 from belt_fenicsx.fitted.guess import from_string
 from belt_fenicsx.fitted.newton import newton
-from belt_fenicsx.fitted.reading import fields_at
+from belt_fenicsx.fitted.reading import fields_in
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.kind import STICK, Part
 from belt_fenicsx.layout.posed import ordered, posed
@@ -138,7 +138,7 @@ def test_states_pass_on_without_loss():
     old = solve(Scene()).state
     scene, _ = Scene().dimensionless()
     new = from_fields(scene, old, old.mesh.layout, old.ends, old.degree)
-    exact = fields_at(scene, old, new.nodes[1:-1, 0])
+    exact = fields_in(scene, old, *old.located(new.nodes[1:-1, 0]))
     np.testing.assert_allclose(new.nodes[1:-1, 1], exact.x, atol=1e-14)
     np.testing.assert_allclose(new.values[1:, local(new.degree).theta.start], exact.theta, atol=1e-14)
 

@@ -196,12 +196,15 @@ def test_arrays_and_text_have_to_fit_together(name, change, expected, solution, 
 @pytest.mark.parametrize(
     ("name", "change", "expected"),
     [
-        ("values", lambda values: values[:, 1:], "evaluator.values"),
-        ("values", lambda values: values.astype(str), "evaluator.values"),
-        ("degree", lambda degree: degree + 2, "evaluator.values"),
+        ("coefficients", lambda coefficients: coefficients[:, 1:], "evaluator.coefficients"),
+        ("coefficients", lambda coefficients: coefficients.astype(str), "evaluator.coefficients"),
+        ("coefficients", lambda coefficients: coefficients[0, 0, 0], "evaluator.coefficients"),
+        ("coefficients", lambda coefficients: coefficients[:0], "evaluator.coefficients"),
         ("counts", lambda counts: counts + 1, "evaluator"),
-        ("ends", lambda ends: ends[1:], "evaluator.ends"),
-        ("chords", None, "evaluator"),
+        ("counts", lambda counts: counts[1:], "evaluator.counts"),
+        ("edges", lambda edges: edges[1:], "evaluator.coefficients"),
+        ("edges", lambda edges: edges[:0], "evaluator.edges"),
+        ("edges", None, "evaluator"),
     ],
 )
 def test_arrays_between_points_have_to_fit_together(name, change, expected, tmp_path):
