@@ -16,6 +16,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.fields import Fields
 from belt_fenicsx.solution.reading import contacts_of, zones_of
 
+NEGATIVE = 0.1  # No error of a coarse state explains a negative pressure of this, relative to the largest one.
 CLOSE = 1e-4  # belt lengths, within which a stretch is at its extremum
 
 
@@ -96,6 +97,12 @@ def friction_suffices(scene: Scene, state: State) -> bool:
     at, sticks = local(state.degree), state.mesh.sticks
     values, friction = state.values[sticks], state.pulleys[1, sticks, None]
     return not np.any(np.abs(values[:, at.f]) > friction * values[:, at.p])
+
+
+def lifts_off(state: State) -> bool:
+    """Whether the pressure is so negative in contact that no error explains it."""
+    p = state.values[:, local(state.degree).p]
+    return bool(p.min() < -NEGATIVE * p.max())
 
 
 def fields_in(scene: Scene, state: State, cell: Array, xi: Array) -> Fields:
