@@ -114,9 +114,10 @@ def estimate(
         last: Whether there is no higher degree, so that they always are.
     """
     change = change_of_pressure(start, state)
-    error = error_of_known(scene, before, start, state, change, change_before)
-    of_torque = error_of_torque(scene, before, state, change, change_before)
-    known = error <= max(rtol, rounding(scene, state)) and of_torque <= OF_TORQUE * rtol
+    rounded = rounding(scene, state)
+    error = max(error_of_known(scene, before, start, state, change, change_before), rounded)
+    of_torque = max(error_of_torque(before, state, change, change_before) - rounded, 0.0) / _strain(state)
+    known = error <= max(rtol, rounded) and of_torque <= OF_TORQUE * rtol
     known = known and change <= min(COARSEST, TRUSTED * of_fields(rtol))
     errors = errors_of_fields(scene, before, state, change, change_before) if known or last else {}
     return Accuracy(state, error, of_torque, errors, change, known and max(errors.values()) <= of_fields(rtol))
@@ -143,7 +144,8 @@ def mean_change_of_pressure(start: State, end: State) -> float:
 def error_of_known(
     scene: Scene, before: State, start: State, state: State, change: float, change_before: float
 ) -> float:
-    """Estimated relative error of the angular velocity; where that is given, of the stretch that makes the torque.
+    """Estimated relative error of the angular velocity, but for rounding; where that is given, of the stretch that makes
+    the torque.
 
     Args:
         scene: The dimensionless scene.
@@ -157,14 +159,12 @@ def error_of_known(
     change_of_known = np.abs(_known(scene, state) - _known(scene, before))
     # Relative to stretches of the belt: a pulley that stands still has no speed.
     change_of_known[: state.stretches.size] /= state.stretches
-    by_known = left * float(change_of_known.max())
-    return max(by_known, LEAST * mean_change_of_pressure(start, state), rounding(scene, state))
+    return max(left * float(change_of_known.max()), LEAST * mean_change_of_pressure(start, state))
 
 
-def error_of_torque(scene: Scene, before: State, state: State, change: float, change_before: float) -> float:
-    """Estimated error of the torque beyond rounding, relative to the radius times the tension before the pulley."""
-    missed = part_left(change, change_before) * np.abs(state.friction_forces - before.friction_forces).max()
-    return max(float(missed) - rounding(scene, state), 0.0) / _strain(state)
+def error_of_torque(before: State, state: State, change: float, change_before: float) -> float:
+    """Estimated error of the torque, over the radius."""
+    return part_left(change, change_before) * float(np.abs(state.friction_forces - before.friction_forces).max())
 
 
 def part_left(change: float, change_before: float) -> float:

@@ -6,6 +6,9 @@ cells, the node between two of them is eliminated next, all pairs at once, then 
 cost grows with the number of cells, not with its power. The tractions that the first of a pair leaves go with the node
 between. Of several pulleys, each then hides all but its two ends, which is a belt over one pulley between clamps. The
 rest is solved densely.
+
+The arithmetic is in C (`elimination.c`): blocks have some thirty unknowns, and LAPACK, called for all of a kind at
+once, took two to three times as long.
 """
 
 from __future__ import annotations
@@ -13,14 +16,23 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from belt_fenicsx.backend.native import library
 from belt_fenicsx.fitted.dofs import NODE, Pattern, Table
 from belt_fenicsx.layout.arrays import Array
 
 # A chain of up to so many cells, or pairs, is solved densely: about where another level of pairs begins to pay.
 LONGEST = 16
+DECLARATIONS = """
+int eliminate(int members, int h, int w, const int32_t *block, const int32_t *ends, const double *entries, double *rows,
+              const int32_t *places, double *next);
+void substitute(int members, int h, int w, const double *rows, const int32_t *hidden, const int32_t *left,
+                double *unknowns);
+"""
 
 
 @dataclass(frozen=True)
@@ -40,27 +52,6 @@ class Group:
     left: Array
     ends: tuple[int, ...]
 
-    @functools.cached_property
-    def known(self) -> Array:
-        """Numbers of what those that are eliminated follow from: what is left and, the last of all, the right-hand
-        side's factor ``(c, u + 1, 1)``."""
-        return np.insert(self.left, self.left.shape[1], -1, axis=1)[..., None]
-
-    def eliminated(self, block: Array) -> Array:
-        """What is eliminated, but for its sign, in terms of what it follows from ``(c, h, u + 1)``.
-
-        Args:
-            block: The entries at the places of `block`.
-        """
-        h = self.ends[-1]
-        first, *others = (slice(*ends) for ends in itertools.pairwise((0, *self.ends)))
-        solved = np.linalg.solve(block[:, first, first], block[:, first, h:])
-        for rows in others:
-            before = slice(rows.start)
-            right = block[:, rows, h:] - block[:, rows, before] @ solved
-            solved = np.concatenate([solved, np.linalg.solve(block[:, rows, rows], right)], axis=1)
-        return solved
-
 
 @dataclass(frozen=True)
 class Level:
@@ -68,15 +59,72 @@ class Level:
 
     Attributes:
         groups: By kind.
-        places: Places, among the entries of the next level, of what is left by all groups.
+        places: Of each group, places among the entries of the next level of what it leaves.
         size: Number of the latter.
         ones: Places there of the diagonal entries that stand for dofs that are missing.
     """
 
     groups: list[Group]
-    places: Array
+    places: list[Array]
     size: int
     ones: Array
+
+
+class Elimination:
+    """The arithmetic of one level: forth, from its entries to those of the next one, and back.
+
+    Args:
+        level: The level.
+        entries: Its entries.
+        unknowns: All unknowns ``(count,)``.
+
+    Attributes:
+        next: Entries of the next level, and behind them one for all that is fixed.
+    """
+
+    def __init__(self, level: Level, entries: Array, unknowns: Array) -> None:
+        self.next, self._ones, self._calls = np.zeros(level.size + 1), level.ones, list[tuple[Any, Any]]()
+        self._eliminate, self._substitute = functions().lib.eliminate, functions().lib.substitute
+        for group, places in zip(level.groups, level.places, strict=True):
+            count, width = group.block.shape[:2]
+            size, rows = (count, group.ends[-1], width), doubles(np.empty(group.block.shape))
+            block, ends, into = integers(group.block), integers(np.array(group.ends)), integers(places)
+            forth = *size, block, ends, doubles(entries), rows, into, doubles(self.next)
+            back = *size, rows, integers(group.hidden), integers(group.left), doubles(unknowns)
+            self._calls.append((forth, back))
+
+    def forth(self) -> None:
+        """Eliminates what is hidden.
+
+        Raises:
+            LinAlgError: The equations of a cell or a pair do not tell what is hidden in it.
+        """
+        self.next.fill(0.0)
+        for forth, _ in self._calls:
+            if self._eliminate(*forth):
+                raise np.linalg.LinAlgError("Singular matrix")
+        self.next[self._ones] = 1.0
+
+    def back(self) -> None:
+        """Computes what is hidden from what is left."""
+        for _, back in self._calls:
+            self._substitute(*back)
+
+
+@functools.cache
+def functions() -> Any:
+    """The compiled functions of the C file beside this one."""
+    return library(Path(__file__).with_suffix(".c"), DECLARATIONS)
+
+
+def doubles(values: Array) -> Any:
+    """An array of floating-point numbers as the functions take it; what they write is in the array."""
+    return functions().ffi.from_buffer("double[]", values)
+
+
+def integers(values: Array) -> Any:
+    """A copy of an array of integers as the functions take it."""
+    return functions().ffi.from_buffer("int32_t[]", np.ascontiguousarray(values, dtype=np.int32))
 
 
 class Condensed:
@@ -92,12 +140,18 @@ class Condensed:
 
     def __init__(self, table: Table) -> None:
         n, dofs = table.numbers.shape
-        self.table = table
-        self._all = np.empty((n, dofs * (dofs + 1)))
-        self.cells = self._all[:, : dofs * dofs].reshape(n, dofs, dofs), self._all[:, dofs * dofs :]
-        self._levels, self._dense = levels(table)
+        self.table, self._unknowns = table, np.zeros(table.count)
+        entries = np.empty((n, dofs * (dofs + 1)))
+        self.cells = entries[:, : dofs * dofs].reshape(n, dofs, dofs), entries[:, dofs * dofs :]
+        self._eliminations: list[Elimination] = []
+        for level in levels(table):
+            # The last of them is what is solved densely.
+            dense, self._dense = level.groups[0].hidden[0], entries
+            self._eliminations.append(Elimination(level, entries, self._unknowns))
+            entries = self._eliminations[-1].next
         if table.loose is not None:
-            self._loose, self._begin = np.searchsorted(self._dense, [table.loose, table.joints[-1]])
+            row, column = np.searchsorted(dense, [table.loose, table.joints[-1]])
+            self._loose, self._begin = slice(row * (dense.size + 1), (row + 1) * (dense.size + 1)), column
 
     def residual_norm(self) -> float:
         """Norm of the assembled residual."""
@@ -113,31 +167,23 @@ class Condensed:
 
         Returns:
             The step of each cell's dofs ``(n, m)``, and of the scalars.
+
+        Raises:
+            LinAlgError: There is none.
         """
         if fixed_joints:
             self._hold()
-        entries, eliminated = self._all, []
-        for level in self._levels:
-            left = []
-            for group in level.groups:
-                block, h = entries.take(group.block), group.ends[-1]
-                solved = group.eliminated(block)
-                left.append((block[:, h:, h:] - block[:, h:, :h] @ solved).ravel())
-                eliminated.append((group, solved))
-            entries = np.bincount(level.places, np.concatenate(left), level.size + 1)
-            entries[level.ones] = 1.0
-        size = self._dense.size
-        matrix = entries[:-1].reshape(size, size + 1)
+        *levels, last = self._eliminations
+        for level in levels:
+            level.forth()
         if self.table.loose is not None:
-            matrix[self._loose] = 0.0
-            matrix[self._loose, self._begin] = 1.0
-        # The right-hand side's factor stands behind all unknowns.
-        unknowns = np.zeros(self.table.count + 1)
-        unknowns[-1] = 1.0
-        unknowns[self._dense] = np.linalg.solve(matrix[:, :-1], -matrix[:, -1])
-        for group, solved in reversed(eliminated):
-            unknowns[group.hidden] = -(solved @ unknowns[group.known])[..., 0]
-        return unknowns[self.table.numbers], unknowns[self.table.scalars]
+            row = self._dense[self._loose]
+            row[:] = 0.0
+            row[self._begin] = 1.0
+        last.forth()
+        for level in reversed(self._eliminations):
+            level.back()
+        return self._unknowns[self.table.numbers], self._unknowns[self.table.scalars]
 
     def _hold(self) -> None:
         """Puts in place of the joints' equations that they stay."""
@@ -148,11 +194,11 @@ class Condensed:
             jacobians[:, joint, joint] = 1.0
 
 
-def levels(table: Table) -> tuple[list[Level], Array]:
-    """What is eliminated one after another, and the unknowns that are left for the dense solve.
+def levels(table: Table) -> list[Level]:
+    """What is eliminated one after another.
 
     Cells come first, then the nodes inside of pairs, of pairs of pairs, and so on, until the chain of each pulley is
-    short; then what is inside of these chains, if there are several.
+    short; then what is inside of these chains, if there are several; then all that is left.
     """
     result: list[Level] = []
     groups = [_cell_group(cells, pattern, table.numbers) for cells, pattern in table.patterns]
@@ -181,7 +227,8 @@ def levels(table: Table) -> tuple[list[Level], Array]:
     dense = numbers[numbers < fixed]
     parents = [np.zeros(len(group.left), dtype=int) for group in groups]
     result.append(_level(groups, parents, dense[None], dense.size, fixed))
-    return result, dense
+    nothing = np.empty(0, dtype=int)
+    return [*result, Level([_group(dense[None], 0)], [nothing], 0, nothing)]
 
 
 def _chains(table: Table) -> Array:
@@ -256,8 +303,8 @@ def _entries(pairs: Array) -> Array:
     return np.arange(m * w * (w + 1)).reshape(m, w, w + 1)
 
 
-def _places(groups: list[Group], parents: list[Array], pairs: Array, fixed: int) -> Array:
-    """Places of what groups leave among the entries of pairs; of all that is fixed, behind the last of them.
+def _places(groups: list[Group], parents: list[Array], pairs: Array, fixed: int) -> list[Array]:
+    """Of each group, places among the entries of pairs of what it leaves; of all that is fixed, behind the last one.
 
     Args:
         groups: The groups.
@@ -274,5 +321,5 @@ def _places(groups: list[Group], parents: list[Array], pairs: Array, fixed: int)
         is_fixed = group.left == fixed
         found[is_fixed] = behind
         found[:, :, :-1].transpose(0, 2, 1)[is_fixed] = behind
-        result.append(found.ravel())
-    return np.concatenate(result)
+        result.append(found)
+    return result
