@@ -144,8 +144,9 @@ def mean_change_of_pressure(start: State, end: State) -> float:
 def error_of_known(
     scene: Scene, before: State, start: State, state: State, change: float, change_before: float
 ) -> float:
-    """Estimated relative error of the angular velocity, but for rounding; where that is given, of the stretch that makes
-    the torque.
+    """Estimated relative error of the angular velocity, but for rounding.
+
+    Where that is given, it is the error of the stretch that makes the torque.
 
     Args:
         scene: The dimensionless scene.
