@@ -8,8 +8,7 @@ from typing import Any
 
 from belt_fenicsx.backend.compiling import cached, compiling
 
-# As fast as by -O3.
-COMPILER_FLAGS = ["-O2", "-g0"]
+COMPILER_FLAGS = ["-O3", "-g0"]
 
 
 def library(source: Path, declarations: str) -> Any:

