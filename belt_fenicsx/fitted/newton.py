@@ -52,7 +52,7 @@ class Iteration:
     It is a type of SNES, with SNES's options and monitors, that is written here: the callbacks of PETSc's own type took
     a third of a step's time. The Jacobian is never a PETSc matrix: PETSc's own LU meets zero pivots here, and MUMPS,
     the one sparse solver with pivoting that all builds of PETSc have, took 0.7 to 2 ms for a step where the elimination
-    cell by cell took 0.3 to 1 ms.
+    cell by cell takes 0.1 to 0.3 ms.
 
     Attributes:
         values: Unknowns of each cell ``(n, dofs)``, as in a state, but for theta, of which they are what it is more
