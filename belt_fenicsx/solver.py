@@ -170,8 +170,10 @@ def _helped(scene: Scene, method: str, helper: str, failed: Solution, arguments:
         solution = _solved(scene, method, **{**arguments, "initial": other})
     if solution.status in UNFINISHED:
         status = other.status if other.status is Status.CAPACITY_EXCEEDED else failed.status
-        message = f"{failed.message} The method {helper}: {' '.join((other.status.value, other.message)).strip()}"
-        solution = replace(failed, status=status, message=message.strip())
+        told = f"The method {helper}: {' '.join((other.status.value, other.message)).strip()}"
+        if other.success:
+            told = f"The method {helper} solves it: `solve(scene, method={helper!r})` gives its answer."
+        solution = replace(failed, status=status, message=f"{failed.message} {told}".strip())
     after = () if solution.stages == failed.stages else solution.stages
     return replace(
         solution,

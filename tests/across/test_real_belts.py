@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from belt_fenicsx import Belt, Pulley, Scene, SceneError, Status, bvp, solve
+from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, Status, bvp, solve
 from belt_fenicsx.fitted.method import solved
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.run import Run
@@ -212,6 +212,14 @@ def test_a_rescue_is_named():
     solution = solve(scene(torque=(1.0 - 1e-5) * CAPACITY))
     stages = {stage.name: stage.why for stage in solution.stages}
     assert stages["method bvp"].endswith("it may find the zones")
+
+
+def test_where_a_rescue_leads_nowhere_the_other_method_that_solves_the_scene_is_named(monkeypatch):
+    failed = Solution(scene=Scene(), method="fitted", status=Status.NEWTON_DIVERGED, message="Nothing.")
+    monkeypatch.setattr("belt_fenicsx.fitted.method.solve", lambda *_, **__: failed)
+    solution = solve(Scene(), throw=False)
+    assert solution.status is Status.NEWTON_DIVERGED
+    assert solution.message == "Nothing. The method bvp solves it: `solve(scene, method='bvp')` gives its answer."
 
 
 @pytest.mark.parametrize("friction", [200.0, 1e3, 1e9])
