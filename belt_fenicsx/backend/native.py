@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from belt_fenicsx.backend.compiling import cached, compiling
+
+if TYPE_CHECKING:
+    from belt_fenicsx.layout.arrays import Array
 
 COMPILER_FLAGS = ["-O3", "-g0"]
 
@@ -40,3 +46,21 @@ def library(source: Path, declarations: str) -> Any:
 
     with compiling():
         return cached([*COMPILER_FLAGS, declarations, code], compile_into)
+
+
+@functools.cache
+def interface() -> Any:
+    """CFFI's interface to arrays, whatever the library."""
+    from cffi import FFI
+
+    return FFI()
+
+
+def doubles(values: Array) -> Any:
+    """An array of floating-point numbers as functions take it; what they write is in the array."""
+    return interface().from_buffer("double[]", values)
+
+
+def integers(values: Array) -> Any:
+    """A copy of an array of integers as functions take it."""
+    return interface().from_buffer("int32_t[]", np.ascontiguousarray(values, dtype=np.int32))

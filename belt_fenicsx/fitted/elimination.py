@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from belt_fenicsx.backend.native import library
+from belt_fenicsx.backend.native import doubles, integers, library
 from belt_fenicsx.fitted.dofs import NODE, Pattern, Table
 from belt_fenicsx.layout.arrays import Array
 
@@ -115,16 +115,6 @@ class Elimination:
 def functions() -> Any:
     """The compiled functions of the C file beside this one."""
     return library(Path(__file__).with_suffix(".c"), DECLARATIONS)
-
-
-def doubles(values: Array) -> Any:
-    """An array of floating-point numbers as the functions take it; what they write is in the array."""
-    return functions().ffi.from_buffer("double[]", values)
-
-
-def integers(values: Array) -> Any:
-    """A copy of an array of integers as the functions take it."""
-    return functions().ffi.from_buffer("int32_t[]", np.ascontiguousarray(values, dtype=np.int32))
 
 
 class Condensed:

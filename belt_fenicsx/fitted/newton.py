@@ -17,10 +17,9 @@ from petsc4py import PETSc
 from belt_fenicsx.backend.petsc_options import PREFIX, set_options
 from belt_fenicsx.fitted.cells import Mesh
 from belt_fenicsx.fitted.dofs import Terms, local, loose_joint, table
-from belt_fenicsx.fitted.elements import points
 from belt_fenicsx.fitted.elimination import Condensed
 from belt_fenicsx.fitted.forms import CHORD, constants_of, forms, pulley_data, switches_of
-from belt_fenicsx.fitted.nodes import on_chords, sum_error, ways
+from belt_fenicsx.fitted.geometry import Geometry
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import BEFORE
@@ -39,8 +38,6 @@ STRAIGHT = 0.02
 MOST_ITERATIONS = 30
 # The iteration on at most this number of cells is kept for the next scene.
 KEPT = 300
-# The angle of a cell's frame is a whole number of radians over this.
-FRAMES = 2.0**20
 # Iterations and PETSc's solvers are shared by all solves of the process, of which one thread at a time is at work here:
 # Python's own lock would let another one in between two steps.
 TURNS = threading.RLock()
@@ -57,7 +54,6 @@ class Iteration:
     Attributes:
         values: Unknowns of each cell ``(n, dofs)``, as in a state, but for theta, of which they are what it is more
             than the angle of the cell's frame, and for displacements, of which they are what is not yet in the chords.
-        chords: Data of each cell's chord ``(n, len(CHORD))``.
         pulleys: Data of the pulley at each cell ``(n, len(pulley_data))``.
         ends: Ends of the zones ``(z + 1,)``.
         condensed: Solves for the step.
@@ -71,23 +67,15 @@ class Iteration:
         (n, dofs), on = residuals.shape, switches(mesh, terms).reshape(mesh.zone.size, -1)
         sizes = dofs, on.shape[1], len(CHORD), len(pulley_data(terms))
         coefficients, self._constants = np.empty((n, sum(sizes))), np.zeros(len(constants_of(terms)))
-        self.values, switched, self.chords, self.pulleys = np.split(coefficients, np.cumsum(sizes[:-1]), axis=1)
+        self.values, switched, _, self.pulleys = np.split(coefficients, np.cumsum(sizes[:-1]), axis=1)
         switched[:] = on
         compiled = forms(degree, terms)
         self.residuals = compiled.F.on(residuals, coefficients, self._constants)
         self.jacobians = compiled.J.on(jacobians.reshape(n, -1), coefficients, self._constants)
+        self._geometry = Geometry(mesh, degree, terms.loads, coefficients, sum(sizes[:2]))
         at = local(degree)
-        # In the complex plane, a turn is a product.
-        self._deviation = self.values[:, at.r].view(complex)
-        self._chords, self._axis, self._strain = (
-            self.chords[:, columns].view(complex) for columns in (slice(4), slice(6, 8), slice(8, 10))
-        )
-        self._places = np.empty((n, 3), dtype=np.clongdouble)
-        self._positions, self._others, self._turn, self._sigma = at.r, slice(at.theta.start, None), at.theta, at.sigma
-        self._loads, self._move = terms.loads, at.move
-        self._length, self._nodes, self._zone = at.sigma.stop - 1, points(degree)[0], mesh.zone
-        self._shape = self._nodes * (1.0 - self._nodes)
-        self._touches, self._mesh = mesh.touches.astype(float), mesh
+        self._positions, self._others, self._sigma = at.r, slice(at.theta.start, None), at.sigma
+        self._move, self._length, self._mesh = at.move, at.sigma.stop - 1, mesh
 
     def load(
         self, scene: Scene, state: State, arrived: float, *, fixed_joints: bool = False, monitored: bool = False
@@ -104,20 +92,12 @@ class Iteration:
         """
         self._constants[:] = constants(scene, state.terms)
         self.pulleys[:] = np.array([driven(pulley, state.terms) for pulley in scene.pulleys])[self._mesh.pulley]
-        self._side = self.pulleys[:, 2]
-        # On this radius runs the middle line.
-        self._radius = self.pulleys[:, 0] + scene.belt.contact_offset
-        self._square = self._radius[:, None].astype(np.longdouble) ** 2
         self._arrived, self._fixed_joints, self._missing = arrived, fixed_joints, 0.0
         self._monitored = monitored or logger.isEnabledFor(logging.INFO)
-        self.values[:], self.chords[:, :4], self.ends, self._cells = state.values, state.chords, state.ends, state.cells
-        self._share = state.cells[:, 1] - state.cells[:, 0]
-        # The data of the forms have the way of each pulley, which is nothing where none moves.
-        self._ways = ways(scene)[self._mesh.pulley] if self._loads else 0.0
+        self.values[:], self.ends, self._share = state.values, state.ends, state.cells[:, 1] - state.cells[:, 0]
         self._moves = self.values[:, self._move].copy()
         self.values[:, self._move] = 0.0
-        self._take_apart()
-        self._measure()
+        self._geometry.load(scene, state)
 
     def solve(self, snes: PETSc.SNES, _b: PETSc.Vec, _x: PETSc.Vec) -> None:
         """The iteration; called by SNES."""
@@ -144,31 +124,15 @@ class Iteration:
             self._move_nodes(step, bent=shortening > STRAIGHT and not arrived)
             if arrived:
                 return snes.setConvergedReason(reasons.CONVERGED_SNORM_RELATIVE)
-            self._measure()
+            self._geometry.measure()
         snes.setConvergedReason(reasons.DIVERGED_MAX_IT)
 
     def state(self, start: State) -> State:
         """The state where it stands, which is of the kind of the one that it started from."""
         values = self.values.copy()
-        values[:, self._turn] += self._frame
-        values[:-1, self._turn.start + 1] = values[1:, self._turn.start]
         values[:, self._move] = self._moves
-        values[:, self._positions].view(complex)[:] += self._parabolas
-        chords = self.chords[:, :4].copy()
+        chords = self._geometry.put_together(values)
         return replace(start, ends=self.ends, chords=chords, values=values, missing=self._missing)
-
-    def _take_apart(self) -> None:
-        """Takes the frame's angle off theta, and the parabola over the chord off r."""
-        # Rounded so that cells that meet at a node agree on its angle to the last bit.
-        turn = self.values[:, self._turn]
-        self._frame = np.rint(turn[:, :1] * FRAMES) / FRAMES
-        turn -= self._frame
-        self._back = np.exp(-1j * self._frame.astype(np.longdouble))
-        self._axis[:] = self._back.conj()
-        bulge = self._arcs()[:, None]
-        self.chords[:, 11:13], self._over = bulge.view(float), bulge.conj()
-        self._parabolas = bulge * self._shape
-        self._deviation -= self._parabolas
 
     def linear_step(self, fixed_joints: bool) -> tuple[Array, Array]:
         """The step of each cell's dofs, but for sigma, and of the scalars; not finite where there is none."""
@@ -197,33 +161,9 @@ class Iteration:
         jacobians[last, :, sigma.stop - 1] = 0.0
         # At the left node of a cell: a pulley's own multipliers would take it up.
         cell, at = (last.start + last.stop) // 2, slice(self._positions.start, self._positions.start + 2)
-        along = self._chords[cell, 1] / abs(self._chords[cell, 1])
+        chord = self._geometry.chords[cell, 1]
+        along = chord / abs(chord)
         jacobians[cell, at, sigma.stop - 1] = -along.real, -along.imag
-
-    def _arcs(self) -> Array:
-        """Bulge of the parabola over each chord that is as high as the pulley's arc, in the complex plane ``(n,)``."""
-        along = self._chords[:, 1]
-        length = np.abs(along)
-        depth = np.sqrt(np.maximum(self._radius**2 - (length / 2) ** 2, 0.0))
-        return self._touches * self._side * (length**2 / (self._radius + depth)) * (1j * along / length)
-
-    def _measure(self) -> None:
-        """Computes the chords' small differences of large numbers to less than the rounding error of these.
-
-        NumPy's long double has eleven bits more than a double on x86, and never fewer.
-        """
-        # The left end, the chord and the right end.
-        places, length = self._places, self.chords[:, 10:11]
-        length[:] = self.values[:, self._length :][:, :1]
-        places[:, :2] = self._chords
-        np.add(places[:, 0], places[:, 1], out=places[:, 2])
-        squares = places.view(np.longdouble) ** 2
-        squares = squares[:, ::2] + squares[:, 1::2]
-        over = (self._over * places[:, :2]).real
-        self.chords[:, 4:6] = self._square - squares[:, ::2]
-        self._strain[:] = places[:, 1:2] * self._back / length - 1.0
-        self.chords[:, 13] = squares[:, 1] - 2.0 * over[:, 0]
-        self.chords[:, 14] = over[:, 1]
 
     def _move_joints(self, step: Array, joints: Array) -> tuple[Array, float]:
         """Moves the joints by a step, shortened where one would come too close to the next one.
@@ -239,61 +179,17 @@ class Iteration:
             step, way = step * (LARGEST_STEP / shortening), way * (LARGEST_STEP / shortening)
         self.ends = self.ends + way
         # Not from the new ends: what their rounding takes from the length of a short zone would be a strain there.
-        self.values[:, self._length] += (way[1:] - way[:-1])[self._zone] * self._share
+        self.values[:, self._length] += (way[1:] - way[:-1])[self._mesh.zone] * self._share
         return step, shortening
 
     def _move_nodes(self, step: Array, *, bent: bool) -> None:
         """Takes the step of the cells; the way of nodes on the pulley may be bent to it."""
-        way = step[:, self._positions].view(complex)
         move = step[:, self._move]
-        self._shift(self._onto_pulleys(way) if bent else way, move.sum(axis=1) * self._ways)
+        self._geometry.move(step[:, self._positions].view(complex), move, bent=bent)
         self.values[:, self._others] += step[:, self._others]
         # The chords are seen from where the pulleys are now.
         self.values[:, self._move] = 0.0
         self._moves += move
-
-    def _shift(self, shift: Array, centers: Array | float) -> None:
-        """Shifts nodes, in the complex plane ``(n, k + 1)``; what sums lose by rounding is kept in the deviation."""
-        change = shift[:, :2].copy()
-        change[:, 1] -= shift[:, 0]
-        change[:, 0] -= centers
-        chords = self._chords + change
-        lost = sum_error(self._chords, change, chords)
-        deviation = shift - shift[:, :1] - change[:, 1:] * self._nodes
-        deviation[:, 0], deviation[:, 1] = 0.0, sum_error(shift[:, 1], -shift[:, 0], change[:, 1])
-        self._deviation += deviation + on_chords(lost, self._nodes)
-        self._chords[:] = chords
-
-    def _onto_pulleys(self, straight: Array) -> Array:
-        """The way of nodes, bent to the pulley where they move on it; free zones follow the ends of the others.
-
-        A straight step leaves the circle, and stretches the belt, by the square of its length. Where a joint moves
-        through a short zone, the pressure and the friction that would mend this are larger than those by which the next
-        step has to place the joint.
-
-        Args:
-            straight: Step of the nodes, in the complex plane ``(n, k + 1)``.
-        """
-        mesh, touches = self._mesh, self._touches[:, None]
-        arm = on_chords(self._chords, self._nodes) + self._parabolas + self._deviation
-        distance = np.abs(arm)
-        turn = np.exp(1j * (straight * arm.conj()).imag / distance**2)
-        bent = touches * (arm * (turn * (self._radius[:, None] / distance) - 1.0) - straight)
-        # A free zone follows its moving ends as a sheared bar does: by the square of the distance from the other one.
-        place = self._cells[:, :1] + (self._cells[:, 1:] - self._cells[:, :1]) * self._nodes
-        for index, part in enumerate(mesh.layout.parts):
-            if not part.touches:
-                free = mesh.cells(index)
-                before, after = free.start - 1, free.stop % len(bent)
-                start = bent[before, 1] if mesh.layout.closed or free.start else 0.0
-                end = bent[after, 0] if mesh.layout.closed or after else 0.0
-                bent[free] = (1.0 - place[free]) ** 2 * start + place[free] ** 2 * end
-        way = straight + bent
-        # Cells that meet at a node shift it alike, to the last bit.
-        way[1:, 0] = way[:-1, 1]
-        if mesh.layout.closed:
-            way[0, 0] = way[-1, 1]
-        return way
 
 
 def iteration_on(mesh: Mesh, degree: int, terms: Terms, moving: tuple[int, ...] = ()) -> Iteration:
