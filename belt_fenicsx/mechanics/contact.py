@@ -29,7 +29,11 @@ def penetration_near(
 
     With E = (R + s d)^2 - |place|^2 and r = place + deviation, it is
 
-        g = (E - deviation.(2 place + deviation) - 2 d (s (R + s d) - r.e2)) / (R + |r - d e2|).
+        X = E - deviation.(2 place + deviation) = (R + s d)^2 - |r|^2,
+        g = (X - 2 s d (R + s d - s r.e2)) / (R + |r - d e2|),
+        R + s d - s r.e2 = (R + s d - |r|) + (|r| - s r.e2) = X / (R + s d + |r|) + (r.e1)^2 / (|r| + s r.e2),
+
+    where r.e1 is small, as the cross-section stands on the pulley.
 
     The rounding error of the difference in `penetration` is as large as that of positions; from point to point it is a
     roughness of the pulley, to which the pressure of a thin, stiff belt answers.
@@ -44,9 +48,10 @@ def penetration_near(
         e2: Second axis of the cross-section.
     """
     r = place + deviation
-    touching, reach = r - offset * e2, side * radius + offset
-    more = excess - ufl.dot(deviation, 2 * place + deviation) - 2 * offset * (reach - ufl.dot(r, e2))
-    return more / (radius + ufl.sqrt(ufl.dot(touching, touching)))
+    touching, distance, e1 = r - offset * e2, ufl.sqrt(ufl.dot(r, r)), ufl.as_vector([e2[1], -e2[0]])
+    more = excess - ufl.dot(deviation, 2 * place + deviation)
+    above = more / (radius + side * offset + distance) + ufl.dot(r, e1) ** 2 / (distance + side * ufl.dot(r, e2))
+    return (more - 2 * side * offset * above) / (radius + ufl.sqrt(ufl.dot(touching, touching)))
 
 
 def excess_on_parabola(eta: Expr, *, ends: tuple[Expr, Expr], flat: Expr, skew: Expr, bulge: tuple[Expr, Expr]) -> Expr:
