@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,16 +44,23 @@ class Newton:
         residual: Linear UFL form F.
         jacobian: Bilinear UFL form J.
         unknown: The function w.
+        moved: Called each time that w has other values.
         fixed: Local numbers of the dofs that stay as they are.
         options: The caller's PETSc options, without the prefix ``belt_``.
     """
 
     def __init__(
-        self, residual: Any, jacobian: Any, unknown: fem.Function, fixed: Array, options: Mapping[str, Any]
+        self,
+        residual: Any,
+        jacobian: Any,
+        unknown: fem.Function,
+        moved: Callable[[], None],
+        fixed: Array,
+        options: Mapping[str, Any],
     ) -> None:
         self._F, self._J = fem.form(residual), fem.form(jacobian)
         index_map = unknown.function_space.dofmap.index_map
-        self._unknown, self._owned = unknown, index_map.size_local
+        self._unknown, self._moved, self._owned = unknown, moved, index_map.size_local
         self.fix(fixed)
         self._w = compat.petsc_vector(unknown)
         self._b = self._w.duplicate()
@@ -90,6 +97,7 @@ class Newton:
     def _load(self, x: PETSc.Vec) -> None:
         x.copy(self._w)
         self._w.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        self._moved()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         self._load(x)

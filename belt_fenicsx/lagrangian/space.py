@@ -38,6 +38,7 @@ class HermiteSpace:
         comm: The communicator.
         mesh: Mesh of unit cells, and of some that lead past others.
         w: The function (r, theta).
+        deviation: What w has moved by since its state was set; Newton's unknown, see `Problem`.
         sigma: The map to the material-length coordinate.
         clamped: Local dofs of x, y and theta at the two clamps.
         weights: Gauss weights of a unit cell ``(points,)``.
@@ -53,7 +54,7 @@ class HermiteSpace:
         scalar = compat.function_space(self.mesh, compat.hermite())
         mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
         self.gauss = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
-        self.w, self.sigma = fem.Function(mixed), fem.Function(scalar)
+        self.w, self.deviation, self.sigma = fem.Function(mixed), fem.Function(mixed), fem.Function(scalar)
         self._dofs, self._sigma_dofs, self._gauss_dofs = (
             compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self.gauss)
         )
@@ -88,6 +89,12 @@ class HermiteSpace:
         """Sets x, y, theta and their derivatives by eta at this rank's nodes ``(cells + 1, 3)``."""
         for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
             self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
+        self._start = self.w.x.array.copy()
+        self.deviation.x.array[:] = 0.0
+
+    def move(self) -> None:
+        """Moves w to where the deviation says."""
+        np.add(self._start, self.deviation.x.array, out=self.w.x.array)
 
     def nodal(self) -> Array:
         """x, y, theta ``[0]`` and their derivatives by eta ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""

@@ -41,9 +41,14 @@ def tangent(r: Expr, d_sigma: Derivative) -> Expr:
 
 def strains(r: Expr, theta: Expr, d_sigma: Derivative) -> Strains:
     """eps = r'.e1 - 1, Gamma = r'.e2, kappa = theta' with the axes (18.3) of the cross-section."""
+    return strains_of_slope(d_sigma(r), theta, d_sigma)
+
+
+def strains_of_slope(slope: Expr, theta: Expr, d_sigma: Derivative) -> Strains:
+    """The same from r'."""
     e1 = ufl.as_vector([ufl.cos(theta), ufl.sin(theta)])
     e2 = ufl.as_vector([-ufl.sin(theta), ufl.cos(theta)])
-    return Strains(eps=ufl.dot(d_sigma(r), e1) - 1, Gamma=ufl.dot(d_sigma(r), e2), kappa=d_sigma(theta))
+    return Strains(eps=ufl.dot(slope, e1) - 1, Gamma=ufl.dot(slope, e2), kappa=d_sigma(theta))
 
 
 def strains_in_frame(q: tuple[Expr, Expr], turn: Expr, d_sigma: Derivative) -> Strains:
