@@ -1,59 +1,11 @@
 """Ranks that do not do the same: an answer or an error on each of them, never a wait for one that does not come."""
 
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
+from launched import START, on_ranks, run_on_ranks, told
 
 from belt_fenicsx.command import main as cli
 
 pytestmark = pytest.mark.serial
-
-LAUNCHER = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
-ENVIRONMENT = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-    "OMP_NUM_THREADS": "1",
-}
-START = """
-from mpi4py import MPI
-from belt_fenicsx import Pulley, Scene, SceneError, solve, sweep
-rank, wait = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.Barrier
-fixed = dict(method="augmented-lagrangian", elements=60)
-lines = []
-def tell(*told):
-    lines.append(" ".join(map(str, (f"rank {rank}:", *told))))
-"""
-END = """
-for line in sum(MPI.COMM_WORLD.gather(lines) or [], []):
-    print(line)
-"""
-
-
-def run_on_two_ranks(*argv):
-    """What comes of Python with these arguments."""
-    if LAUNCHER is None:
-        pytest.skip("there is no mpirun")
-    command = ["timeout", "100", LAUNCHER, "-n", "2", sys.executable, *argv]
-    return subprocess.run(command, env=os.environ | ENVIRONMENT, capture_output=True, text=True, check=False)
-
-
-def on_two_ranks(*argv, code=0):
-    """What Python with these arguments tells."""
-    result = run_on_two_ranks(*argv)
-    assert result.returncode == code, (result.returncode, result.stdout, result.stderr)
-    return result.stdout
-
-
-def told(code):
-    """Lines that the ranks tell, those of rank 0 first."""
-    return on_two_ranks("-c", f"{START}{code}{END}").splitlines()
 
 
 @pytest.mark.parametrize("alone", [0, 1])
@@ -105,7 +57,7 @@ for odd in (0, 1):
 def test_rows_of_a_sweep_are_those_of_one_process(form, capsys):
     argv = ["sweep", "--over", "pulleys.0.x_trans=-0.2,-0.1,0,0.1,0.6,0.2", "--rtol", "1e-6", *form]
     assert cli.main(argv) == 3
-    alone, shared = capsys.readouterr().out.splitlines(), on_two_ranks("-m", "belt_fenicsx", *argv, code=3).splitlines()
+    alone, shared = capsys.readouterr().out.splitlines(), on_ranks("-m", "belt_fenicsx", *argv, code=3).splitlines()
     assert len(shared) == len(alone) == 6 + (not form)
     # The last digits depend on the answer from which a scene starts.
     lines = [[(line.split(",")[0], "SOLVED" in line) for line in lines] for lines in (shared, alone)]
@@ -151,7 +103,7 @@ from belt_fenicsx.backend import ranks as collective
 collective.PATIENCE, collective.LONGEST_WAIT = 0.2, 2.0
 solve(Scene(), **fixed if rank == 0 else {})
 """
-    result = run_on_two_ranks("-c", START + code)
+    result = run_on_ranks("-c", START + code)
     assert result.returncode == 1
     assert "rank 0 waits for others of 2 ranks" in result.stderr
     assert "they did not for 2 s, so all ranks are ended" in result.stderr
