@@ -47,6 +47,16 @@ def senses(name: str, index: int) -> list[str | None]:
     return [kind.removeprefix("slip ") if kind != "stick" else None for kind in kinds]
 
 
+def apart(one, other) -> float:
+    """By how much two solutions of a scene differ at most: speeds relative, torques over radius times tension."""
+    tension = max(max(span.tension) for span in other.spans)
+    found = [one.transport_rate / other.transport_rate - 1.0]
+    for contact, known in zip(one.contacts, other.contacts, strict=True):
+        radius = other.scene.pulleys[known.pulley].radius
+        found += [contact.omega / known.omega - 1.0, (contact.torque - known.torque) / (radius * tension)]
+    return max(abs(value) for value in found)
+
+
 def differences(name: str, solution) -> dict[str, float]:
     """By how much a solution differs from what is known: relative, angles in radians, torques over the largest one."""
     known = REFERENCE[name]["answer"]
