@@ -55,6 +55,8 @@ class HermiteSpace:
         mixed = compat.function_space(self.mesh, compat.mixed(compat.hermite(size=2), compat.hermite()))
         self.gauss = compat.function_space(self.mesh, compat.quadrature(CONTACT_DEGREE))
         self.w, self.deviation, self.sigma = fem.Function(mixed), fem.Function(mixed), fem.Function(scalar)
+        self._values, self._deviations = self.w.x.array, self.deviation.x.array
+        self._start = self._values.copy()
         self._dofs, self._sigma_dofs, self._gauss_dofs = (
             compat.table(space.dofmap.list)[self._cells] for space in (mixed, scalar, self.gauss)
         )
@@ -89,12 +91,12 @@ class HermiteSpace:
         """Sets x, y, theta and their derivatives by eta at this rank's nodes ``(cells + 1, 3)``."""
         for component, dofs in enumerate((X_DOFS, Y_DOFS, THETA_DOFS)):
             self._set_nodal(self.w, self._dofs[:, dofs], values[:, component], slopes[:, component])
-        self._start = self.w.x.array.copy()
-        self.deviation.x.array[:] = 0.0
+        self._start[:] = self._values
+        self._deviations[:] = 0.0
 
     def move(self) -> None:
         """Moves w to where the deviation says."""
-        np.add(self._start, self.deviation.x.array, out=self.w.x.array)
+        np.add(self._start, self._deviations, out=self._values)
 
     def nodal(self) -> Array:
         """x, y, theta ``[0]`` and their derivatives by eta ``[1]`` at this rank's nodes ``(2, cells + 1, 3)``."""
