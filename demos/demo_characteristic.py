@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from belt_fenicsx import Belt, Pulley, Scene, solve, sweep
-from belt_fenicsx.taut_string.string import taut_string
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from belt_fenicsx.solution.contact import Contact
 
 # DOLFINx 0.5 tells of each form that it compiles, by the root logger.
 logging.basicConfig(level=logging.WARNING)
@@ -61,23 +62,19 @@ def creep_curve(steps: int = 9, **changed: float) -> np.ndarray:
 
 
 # %%
+def string(**changed: float | str) -> Contact:
+    """Contact of the string."""
+    return solve(scene(**changed), method="string").contacts[0]
+
+
 def string_curve(steps: int = 41, **changed: float) -> np.ndarray:
-    """The same curve of a string ``(2 * steps, 2)``."""
-    rows = []
-    for slip, way in (("forward", 1), ("backward", -1)):
-        for part in np.linspace(0.0, 1.0, steps)[::way]:
-            start = taut_string(scene(x_trans="run-up", **changed))
-            angle = start.angles[0] + part * (start.angles[-1] - start.angles[0])
-            pulley = scene(**changed).pulleys[0]
-            place = pulley.center[0] - pulley.radius * np.sin(angle)
-            end = {0.0: "run-up", 1.0: "run-off"}.get(part, float(place))
-            wanted = scene(x_trans=end, slip=slip, **changed)
-            string = taut_string(wanted)
-            belt = wanted.belt
-            omega = wanted.transport_rate * (1.0 + string.strain[0]) / pulley.radius
-            moment = pulley.radius * belt.extensional_stiffness * (string.strain[1] - string.strain[0])
-            rows.append((omega, moment))
-    return np.array(rows)
+    """The same curve of a string ``(2 * steps - 1, 2)``."""
+    wrap = string(x_trans="run-off", **changed).wrap_angle
+    slid = np.linspace(0.0, wrap, steps)[1:].tolist()
+    forward = [string(slip_angle=angle, slip="forward", **changed) for angle in reversed(slid)]
+    backward = [string(slip_angle=angle, slip="backward", **changed) for angle in slid]
+    contacts = [*forward, string(x_trans="run-off", **changed), *backward]
+    return np.array([(contact.omega, contact.torque) for contact in contacts])
 
 
 # %%
@@ -146,4 +143,4 @@ for (omega, moment), (omega_limit, moment_limit) in (
     assert abs(omega / omega_limit - 1.0) < 1e-8
     assert abs(moment - moment_limit) < 1e-5 * FORWARD_LIMIT[1]
 assert np.all(np.diff(published[:, 0]) > 0.0) and np.all(np.diff(published[:, 1]) < 0.0)
-assert abs((1.0 + taut_string(scene(x_trans=0.0)).strain[0]) / 0.7 - STRING_OMEGA) < 1e-5
+assert abs(string(x_trans=0.0).omega - STRING_OMEGA) < 1e-5

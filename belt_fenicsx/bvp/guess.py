@@ -1,8 +1,7 @@
-"""First guesses for Newton's iteration: the taut string, and a solution whose parts are divided in another way."""
+"""First guesses for Newton's iteration: the exact string, and a solution whose parts are divided in another way."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,36 +10,10 @@ from belt_fenicsx.bvp.newton import COARSE, Discrete, interpolated
 from belt_fenicsx.bvp.problem import Problem, placed_at
 from belt_fenicsx.bvp.system import Values
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import LEAST_STRAIN
-from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.taut_string.shape import StringDrive
-from belt_fenicsx.taut_string.string import TautString
 
 EMPTY = np.zeros((0, 0, 0))
-
-
-def from_string(problem: Problem, scene: Scene, string: TautString, cells: int = COARSE) -> Discrete:
-    """The taut string over one pulley between clamps."""
-    joints = string.joints if len(problem.parts) == 4 else string.joints[[0, 2]]
-    ends = np.array([-0.5, *joints, 0.5])
-    strains = np.maximum(string.strain, LEAST_STRAIN)
-    sticking = 1.0 + strains[0]
-
-    def unknowns(part: int, place: Array) -> Array:
-        sigma = ends[part] + place * (ends[part + 1] - ends[part])
-        zero = np.zeros_like(sigma)
-        if problem.parts[part].touches:
-            phi, D = string.phi(sigma), string.D(sigma)
-            D = np.full_like(D, sticking) if problem.parts[part].kind == "stick" else D
-            return np.array([phi, zero, -D / problem.on(part).radius[0, 0], D - 1.0, zero])
-        side = 0 if part == 0 else -1
-        angle, force = string.angles[side], problem.rod.b1 * strains[side]
-        return np.array(
-            [*string.r(sigma).T, zero + angle, zero, zero + force * math.cos(angle), zero + force * math.sin(angle)]
-        )
-
-    return guessed(problem, np.diff(ends), 1.0, np.zeros(0), unknowns, cells)
 
 
 def guessed(

@@ -18,13 +18,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from belt_fenicsx.bvp.creep import CELLS, WIDEST, creep_problem, narrowed, zones
-from belt_fenicsx.bvp.guess import divided, from_drive, from_string
+from belt_fenicsx.bvp.guess import divided, from_drive
 from belt_fenicsx.bvp.newton import CLOSER, COARSE, DOUBT, NEWTON, ROUNDING, Discrete, Refined, Work, refined
 from belt_fenicsx.bvp.problem import Problem
 from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
-from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.layout.layout import Layout
 from belt_fenicsx.layout.posed import ordered, posed
 from belt_fenicsx.layout.revision import Samples, Tolerances
@@ -39,7 +38,6 @@ from belt_fenicsx.taut_string.bent import bent
 from belt_fenicsx.taut_string.drive import string_drive
 from belt_fenicsx.taut_string.shape import StringDrive, undivided
 from belt_fenicsx.taut_string.standing import BeyondCapacity
-from belt_fenicsx.taut_string.string import TautString, taut_string
 
 # Stiffnesses on the way, over the belt's.
 CONTINUATIONS = (
@@ -84,16 +82,9 @@ class Run:
     positive: bool = False
 
     @functools.cached_property
-    def string(self) -> TautString:
-        """The taut string over one pulley."""
-        string = taut_string(self.scene)
-        assert string is not None, "a belt that is clear of the pulley is straight"
-        return string
-
-    @functools.cached_property
     def drive(self) -> StringDrive:
         """The exact string of a drive."""
-        return string_drive(self.scene)
+        return string_drive(self.scene, slack=self.scene.is_published)
 
     @functools.cached_property
     def drawn(self) -> StringDrive:
@@ -106,8 +97,6 @@ class Run:
     @functools.cached_property
     def tension(self) -> float:
         """Typical force of the belt."""
-        if self.scene.is_published:
-            return self.scene.belt.extensional_stiffness * max(float(self.string.strain.max()), LEAST_STRAIN)
         return max(max(part.force) for part in self.drawn.parts)
 
     @property
@@ -208,12 +197,9 @@ class Run:
         """
         if not self.scene.is_published:
             return self._start_from_drive()
-        string = self.string
-        if string.slack:
-            raise Stopped(Status.CONTACT_LOST, string.slack, final=True)
         layout = posed(self.scene)
         problem = self.pose(layout)
-        first = State(layout, problem, from_string(problem, self.scene, string, self.cells))
+        first = State(layout, problem, from_drive(problem, self.drive, self.cells))
         if (state := settle_from(self, first, "taut string", "no plausible solution yet")) is not None:
             self.stages.skipped("continuation", "the first guess sufficed")
             return state
@@ -286,7 +272,7 @@ class Run:
         """
         problem, iterations = self.pose(layout), 0
         for stiffness, factors in CONTINUATIONS:
-            coarse = from_string(problem, self.scene, self.string, self.cells)
+            coarse = from_drive(problem, self.drive, self.cells)
             value = getattr(problem.rod, stiffness)
             for factor in factors:
                 rod = replace(problem.rod, **{stiffness: factor * value})

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from belt_fenicsx.fitted.guess import drive_guess, solution_guess, string_guess
+from belt_fenicsx.fitted.guess import LOWEST, drive_guess, solution_guess
 from belt_fenicsx.fitted.reading import lifts_off
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.posed import posed
@@ -36,6 +36,7 @@ from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.taut_string.bent import bent, settled
 from belt_fenicsx.taut_string.drive import string_drive
+from belt_fenicsx.taut_string.pressed import pressed
 
 if TYPE_CHECKING:
     from belt_fenicsx.fitted.run import Run
@@ -56,9 +57,10 @@ Start = Callable[["Run"], State]
 
 def from_string(run: Run, *, fixed_joints: bool = False) -> State:
     """From the string; by a first step that bends the belt, where the joints are fixed in it."""
-    guess, pressed = string_guess(run.scene, run.elements)
+    string = pressed(run.scene, string_drive(run.scene, slack=True))
+    guess = drive_guess(run.scene, string, LOWEST, run.elements)
     run.stages.ran("taut string", "first guess")
-    return run.newton(guess, "the taut string", fixed_joints=fixed_joints or pressed)
+    return run.newton(guess, "the taut string", fixed_joints=fixed_joints or string.pressed)
 
 
 def from_drive(run: Run, degree: int) -> State:

@@ -30,7 +30,7 @@ from belt_fenicsx.search.limits import ahead, driven_by, meets
 from belt_fenicsx.search.protocol import Method, S
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.string import MOST_GROWTH
+from belt_fenicsx.taut_string.forces import MOST_GROWTH
 
 LEAST = 1e-7  # At least this part of a stick part sticks, or slides, in a first guess.
 NEARLY = 0.95  # This part of the contact slides before sliding turns, in the first guess.

@@ -146,8 +146,9 @@ class Layers:
 def bent(scene: Scene, string: StringDrive) -> StringDrive:
     """The string of a dimensionless scene with the layers of a belt that touches with its surface, or only turns.
 
-    Where contact acts at the middle line and drives make the belt slide, it is the string itself. A loop in which it
-    hardly slides is one that sticks: where a drive is not met, the search lets it slide.
+    Where contact acts at the middle line and drives make the belt slide, it is the string itself: its forces agree with
+    its shape, and with layers Newton's iteration would fail more often. A loop in which it hardly slides is one that
+    sticks: where a drive is not met, the search lets it slide.
     """
     belt = scene.belt
     assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"

@@ -24,8 +24,13 @@ LEAST_PART = 1e-4  # Of a step of Newton's iteration, at least this part is take
 MOVED = 1e-7  # Displacement for differences, in lengths of the belt.
 
 
-def string_drive(scene: Scene) -> StringDrive:
+def string_drive(scene: Scene, *, slack: bool = False) -> StringDrive:
     """The string of a dimensionless scene.
+
+    Args:
+        scene: The scene.
+        slack: Whether a belt that is longer than its path has a small force all the same, as a first guess of one that
+            its bending holds.
 
     Raises:
         BeyondCapacity: A torque is more than friction can transmit.
@@ -33,7 +38,7 @@ def string_drive(scene: Scene) -> StringDrive:
     """
     moving = [index for index, pulley in enumerate(scene.pulleys) if pulley.take_up is not None]
     moves = _moves(scene, moving) if moving else np.zeros(0)
-    return standing_string(scene, _centers(scene, moving, moves))
+    return standing_string(scene, _centers(scene, moving, moves), slack=slack)
 
 
 def _centers(scene: Scene, moving: Sequence[int], moves: Array) -> tuple[Point, ...]:

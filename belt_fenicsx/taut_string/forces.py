@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.scene.path import Arc, Path
 from belt_fenicsx.scene.pulley import RUN_OFF, RUN_UP, Pulley
 from belt_fenicsx.scene.scene import Scene
@@ -29,8 +30,9 @@ from belt_fenicsx.solution.status import Status
 STEP = 1e-30j  # of the derivative.
 ITERATIONS = 100  # of Newton and bisection, at most.
 ROUNDING = 1e-14  # A step that is no larger ends them, as they converge quadratically, in parts of b1.
-MOST_GROWTH = 600.0  # of the logarithm of the force along a contact, within the range of a float
-LEAST_STRAIN = 1e-4  # A string that would be slack starts from this strain.
+NEAR = 1e-6  # The same for steps that no longer become smaller.
+LARGEST = 600.0  # Of the logarithm of the force along a contact, within the range of a float.
+MOST_GROWTH = 25.0  # The same of a belt that is not slack; beyond it, one force is rounding to the other one.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,15 +72,20 @@ class Chain:
         self.backward = [(first - i) % count for i in range(1, count)] if scene.closed else list(reversed(range(count)))
         self.rows = list(zip(scene.pulleys, path.arcs, map(friction, scene.pulleys, path.arcs), strict=True))
 
-    def solved(self) -> Forces:
+    def solved(self, *, slack: bool = False) -> Forces:
         """The forces with which the belt fits.
+
+        Args:
+            slack: Whether a belt that is longer than its path has those of a small strain all the same.
 
         Raises:
             Stopped: The belt is slack.
         """
-        wanted, low, high = self.scene.belt.length, 0.0, math.inf
+        wanted, low, high, step = self.scene.belt.length, 0.0, math.inf, math.inf
         _, rate = self._given(0.0)
         taut = self.path.length * (self.b1 - self.density * rate**2) / self.b1
+        if taut <= wanted and slack:
+            return self._forces(LEAST_STRAIN * self.b1)
         if taut <= wanted:
             at_rest = "" if self.path.length <= wanted else ", as fast as it runs"
             longer = 100.0 * (1.0 - taut / wanted)
@@ -95,11 +102,16 @@ class Chain:
             nearer = X - (length.real - wanted) * length.real / wanted * STEP.imag / length.imag
             if not low <= nearer <= high:
                 nearer = 2.0 * low if math.isinf(high) else (low + high) / 2.0
-            step, X = abs(nearer - X), nearer
-            if step <= ROUNDING * (self.b1 + X):
+            before, step, X = step, abs(nearer - X), nearer
+            # With little friction, rounding of the length moves the force to and fro.
+            if step <= ROUNDING * (self.b1 + X) or before <= step <= NEAR * (self.b1 + X):
                 break
         else:
             raise Stopped(Status.NEWTON_DIVERGED, "The string's forces were not found.", final=True)
+        return self._forces(X)
+
+    def _forces(self, X: float) -> Forces:
+        """All forces from that one."""
         spans, rate = self._given(X)
         return Forces(
             up=tuple(spans[i] for i in self.before),
@@ -138,11 +150,12 @@ class Chain:
             grown = mu * slip_angle(pulley, arc)
             if grown > MOST_GROWTH:
                 message = (
-                    f"Sliding on pulley {index} changes the force by a factor of exp({grown:.3g}): the belt is slack."
+                    f"Sliding along {grown / mu:.3g} rad of pulley {index} changes the force by a factor of "
+                    f"exp({grown:.3g}): the belt is slack at one end of the contact. Let it slide along less of it."
                 )
                 raise Stopped(Status.CONTACT_LOST, message, final=True)
             return F * math.exp(-sense * grown)
-        most = math.exp(min(mu * arc.wrap, MOST_GROWTH))
+        most = math.exp(min(mu * arc.wrap, LARGEST))
         if up.real * most < F.real:
             return F / most
         return F * most if up.real > F.real * most else up

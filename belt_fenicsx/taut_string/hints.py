@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
+from belt_fenicsx.scene.path import Path, tangent_path
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.taut_string.string import TautString, taut_string
+from belt_fenicsx.taut_string.straight import touches
 
 # What no belt and no pulley has in metres and pascals, but many have in other units.
 THICKEST, LARGEST_RADIUS, LONGEST, SOFTEST = 0.3, 10.0, 100.0, 1e5
@@ -27,12 +27,11 @@ def hints(scene: Scene) -> tuple[str, ...]:
     Returns:
         One sentence for each thing that is unusual, and one on where a string would touch the pulley.
     """
-    (pulley,) = scene.pulleys
-    # Friction changes the string's forces, and where it is much, beyond the range of numbers.
-    plain = replace(scene, pulleys=(Pulley(radius=pulley.radius, center=pulley.center, friction=0.0),))
-    string = taut_string(plain)
-    said = [*_units(scene), *_side(pulley)]
-    return tuple(said if string is None else [*said, *_tension(scene, string), *_contact(scene, plain, string)])
+    said = [*_units(scene), *_side(scene.pulleys[0])]
+    if touches(scene):
+        path = tangent_path(scene)
+        said += [*_tension(scene, path), *_contact(scene, path)]
+    return tuple(said)
 
 
 def _units(scene: Scene) -> list[str]:
@@ -64,22 +63,24 @@ def _side(pulley: Pulley) -> list[str]:
     ]
 
 
-def _tension(scene: Scene, string: TautString) -> list[str]:
+def _tension(scene: Scene, path: Path) -> list[str]:
     """A belt that is longer than its path, or much shorter."""
-    path = _path(string)
-    strain = path / scene.belt.length - 1.0
-    lengths = f"`belt.length` is {scene.belt.length:.6g} m, the way from clamp to clamp over the pulley {path:.6g} m"
+    strain = path.length / scene.belt.length - 1.0
+    lengths = (
+        f"`belt.length` is {scene.belt.length:.6g} m, the way from clamp to clamp over the pulley {path.length:.6g} m"
+    )
     if strain <= 0.0:
-        return [f"The belt is slack by {scene.belt.length - path:.3g} m: {lengths}."]
+        return [f"The belt is slack by {scene.belt.length - path.length:.3g} m: {lengths}."]
     if strain > LARGEST_STRAIN:
         return [f"The belt is stretched by {100.0 * strain:.3g} %: {lengths}."]
     return []
 
 
-def _contact(scene: Scene, plain: Scene, string: TautString) -> list[str]:
+def _contact(scene: Scene, path: Path) -> list[str]:
     """Where contact is to be expected, and whether the transition lies there."""
-    (pulley,), ends = scene.pulleys, _bent_ends(plain, string)
-    text = f"A string would touch the pulley from x = {string.x[0]:.4g} to {string.x[-1]:.4g} m"
+    (pulley,), ends = scene.pulleys, _bent_ends(scene, path)
+    before, after = path.lines
+    text = f"A string would touch the pulley from x = {before.end[0]:.4g} to {after.start[0]:.4g} m"
     if ends is None:
         return [f"{text}."]
     if not ends[0] < ends[1]:
@@ -93,7 +94,7 @@ def _contact(scene: Scene, plain: Scene, string: TautString) -> list[str]:
     return [f"{text}."]
 
 
-def _bent_ends(plain: Scene, string: TautString) -> tuple[float, float] | None:
+def _bent_ends(scene: Scene, path: Path) -> tuple[float, float] | None:
     """Ends of contact of a thin belt in bending, in reverse where there is none.
 
     A beam of bending stiffness a that leaves a circle of radius R under a force F turns by acos(1 - a/(2 F R^2)) before
@@ -103,31 +104,22 @@ def _bent_ends(plain: Scene, string: TautString) -> tuple[float, float] | None:
     Returns:
         Their global coordinates [m]; None where the layers of clamp and pulley meet in a free span.
     """
-    (pulley,), a = plain.pulleys, plain.belt.bending_stiffness
+    (pulley,), a = scene.pulleys, scene.belt.bending_stiffness
     R = pulley.radius
-    strain = _path(string) / plain.belt.length - 1.0
+    strain = path.length / scene.belt.length - 1.0
     if strain <= 0.0:
         return None
-    force = strain * plain.belt.extensional_stiffness
+    force = strain * scene.belt.extensional_stiffness
     layer, farther = math.sqrt(a / force), a / (2.0 * force * R)
-    if 2.0 * layer >= min(_lengths(string)[[0, -1]]) or farther >= R:
+    if 2.0 * layer >= min(line.length for line in path.lines) or farther >= R:
         return None
     turn = math.acos(1.0 - farther / R)
     try:
-        tangents = replace(plain, span=plain.span - 2.0 * layer, pulleys=(replace(pulley, radius=R + farther),))
+        tangents = replace(scene, span=scene.span - 2.0 * layer, pulleys=(replace(pulley, radius=R + farther),))
     except SceneError:
         return None
-    line = taut_string(tangents)
-    if line is None:
+    if not touches(tangents):
         return pulley.center[0], pulley.center[0]
-    up, off = line.angles[0] - turn, line.angles[-1] + turn
+    (arc,) = tangent_path(tangents).arcs
+    up, off = arc.start - turn, arc.end + turn
     return pulley.center[0] - R * math.sin(up), pulley.center[0] - R * math.sin(off)
-
-
-def _lengths(string: TautString) -> Array:
-    """Lengths of the string's pieces as they are stretched [m]."""
-    return (string.sigma[1:] - string.sigma[:-1]) * string.stretches
-
-
-def _path(string: TautString) -> float:
-    return float(_lengths(string).sum())

@@ -96,6 +96,7 @@ class StringDrive:
         centers: Centre of each, with its take-up done.
         bends: Whether it has the layers and the parts of a belt that bends.
         turns: Whether it is a loop that only turns.
+        pressed: Whether a clamp presses it onto a pulley.
     """
 
     parts: tuple[StringPart, ...]
@@ -107,6 +108,12 @@ class StringDrive:
     centers: tuple[Point, ...]
     bends: bool = False
     turns: bool = False
+    pressed: bool = False
+
+    @property
+    def strain(self) -> float:
+        """Mean of the strains of its parts."""
+        return sum(sum(own.stretches) for own in self.parts) / (2.0 * len(self.parts)) - 1.0
 
     def on(self, pulley: int) -> list[StringPart]:
         """The parts on a pulley."""
@@ -197,11 +204,13 @@ class Drawing:
     ) -> Iterator[StringPart]:
         """The parts on a pulley: the belt sticks, and slides through an angle before the run-off, or all along."""
         index, drive = arc.pulley, pulley.drive
+        # A place is asked for even where the string does not touch, as the belt may.
+        at_place = isinstance(pulley.x_trans, float)
         if mu == 0.0:
             rows = [(Part("slip", drive.slip or "forward", index), arc.wrap)]
-        elif through and angle >= arc.wrap * (1.0 - NOTHING):
+        elif through and not at_place and angle >= arc.wrap * (1.0 - NOTHING):
             rows = [(Part("slip", sense, index), arc.wrap)]
-        elif angle <= NOTHING * arc.wrap and drive.kind not in ("omega", "none"):
+        elif angle <= NOTHING * arc.wrap and not at_place and drive.kind not in ("omega", "none"):
             rows = [(Part("stick", pulley=index), arc.wrap)]
         else:
             rows = [(Part("stick", pulley=index), arc.wrap - angle), (Part("slip", sense, index), angle)]

@@ -31,8 +31,13 @@ class BeyondCapacity(Stopped):
         super().__init__(Status.CAPACITY_EXCEEDED, message, final=True)
 
 
-def standing_string(scene: Scene, centers: tuple[Point, ...]) -> StringDrive:
+def standing_string(scene: Scene, centers: tuple[Point, ...], *, slack: bool = False) -> StringDrive:
     """The string where the pulleys have these centres.
+
+    Args:
+        scene: The dimensionless scene.
+        centers: The centres.
+        slack: Whether a belt that is longer than its path has a small force all the same.
 
     Raises:
         BeyondCapacity: A torque is more than friction can transmit, whichever pulley leads.
@@ -40,7 +45,7 @@ def standing_string(scene: Scene, centers: tuple[Point, ...]) -> StringDrive:
     """
     path, beyond = tangent_path(scene, centers), []
     for first in leading(scene):
-        forces = Chain(scene, path, first).solved()
+        forces = Chain(scene, path, first).solved(slack=slack)
         string = drawn_on(path, scene, forces, centers)
         over = _overloaded(scene, path, string, forces, first)
         if over is None:

@@ -25,7 +25,8 @@ import numpy as np
 from readme import write_into_readme
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, bvp, solve
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.scene.path import tangent_path
+from belt_fenicsx.taut_string.straight import touches
 
 # DOLFINx 0.5 tells of each form that it compiles, by the root logger.
 logging.basicConfig(level=logging.WARNING)
@@ -116,15 +117,16 @@ def _taut(
         belt: Thickness and material.
     """
     try:
-        string = taut_string(Scene(span=span, belt=Belt(length=span), pulleys=(Pulley(**place),)))
+        around = Scene(span=span, belt=Belt(length=span), pulleys=(Pulley(**place),))
     except SceneError:
         return None
-    if string is None:
+    if not touches(around):
         return None
-    taut = Belt(length=float(np.sum(string.stretches * np.diff(string.sigma))) / (1.0 + strain), **belt)
+    path = tangent_path(around)
+    taut = Belt(length=path.length / (1.0 + strain), **belt)
     (kind, slip, part), radius = drive, place["radius"]
     sense = 1.0 if slip == "forward" else -1.0
-    first, last = string.angles[[0, -1]]
+    first, last = path.arcs[0].start, path.arcs[0].end
     given: dict[str, Any] = {"x_trans": kind, "slip": slip}
     if kind == "x_trans":
         given["x_trans"] = float(place["center"][0] - radius * np.sin(first + part * (last - first)))

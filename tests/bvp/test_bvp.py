@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from belt_fenicsx import bvp
+from belt_fenicsx import bvp, solve
 from belt_fenicsx.bvp.reading import FIELDS, changes
 from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.scene.belt import Belt, StiffnessBelt
@@ -15,7 +15,6 @@ from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.status import SolveError, Status
-from belt_fenicsx.taut_string.string import taut_string
 
 OMEGA = 1.4807092526223  # of the source's scene
 
@@ -120,8 +119,7 @@ def test_mirror_with_reversed_travel():
 def test_string_limit():
     thicknesses = np.array([0.004, 0.003, 0.002, 0.001])
     omegas = np.array([bvp.solve(scene(thickness=h), rtol=1e-9).omega for h in thicknesses])
-    string = taut_string(Scene())
-    limit = (1.0 + string.strain[0]) / 0.7
+    limit = solve(Scene(), method="string").omega
     assert limit == pytest.approx(1.47806, abs=5e-6)
     assert np.polyval(np.polyfit(thicknesses, omegas, 3), 0.0) == pytest.approx(limit, abs=2e-6)
     order = np.polyfit(np.log(thicknesses), np.log(omegas - limit), 1)[0]

@@ -5,7 +5,7 @@ import pytest
 
 from belt_fenicsx.bvp.collocation import INSIDE, POINTS, STAGES, WEIGHTS, increments, inner, integrals
 from belt_fenicsx.bvp.equations import Free, OnPulleys, Rod, linearised
-from belt_fenicsx.bvp.guess import from_string
+from belt_fenicsx.bvp.guess import from_drive
 from belt_fenicsx.bvp.newton import newton
 from belt_fenicsx.bvp.state import pose
 from belt_fenicsx.bvp.system import System, Values
@@ -14,7 +14,7 @@ from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.belt import StiffnessBelt
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.taut_string.drive import string_drive
 
 PLAIN = Rod(a=2e-4, b1=1.0, b2=0.34)
 LOADED = Rod(a=2e-4, b1=1.0, b2=0.34, density=0.02, inertia=3e-6, weight=(0.004, -0.01), offset=0.03)
@@ -131,6 +131,6 @@ def test_a_newton_step_solves_the_linearised_equations(parts, drive, more):
 def test_newton_says_that_it_did_not_converge():
     scene, _ = Scene().dimensionless()
     problem = pose(scene, ordered(scene, LAYOUTS["stick | slip"]), 0.04)
-    start = from_string(problem, scene, taut_string(scene))
+    start = from_drive(problem, string_drive(scene))
     assert not newton(problem, start, most=1).converged
     assert newton(problem, start).converged

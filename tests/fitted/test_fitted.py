@@ -16,9 +16,8 @@ from belt_fenicsx.fitted import method as fitted
 from belt_fenicsx.fitted.dofs import Terms, local, table
 from belt_fenicsx.fitted.elements import gauss_basis, nodal_basis, points
 from belt_fenicsx.fitted.forms import SWITCHES
-from belt_fenicsx.fitted.guess import from_string
+from belt_fenicsx.fitted.guess import drive_guess
 from belt_fenicsx.fitted.newton import Newton, iteration_on, newton, switches
-from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
@@ -26,7 +25,7 @@ from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.status import Status
 from belt_fenicsx.sweeps.sweep import sweep
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.taut_string.drive import string_drive
 
 OMEGA = 1.4807092526223  # by this method at degree 14 and by collocation of the boundary-value problem
 
@@ -37,8 +36,7 @@ def scene(belt=None, **pulley):
 
 def started(case=None, degree=3, elements=None):
     dimensionless, _ = (case or Scene()).dimensionless()
-    string = taut_string(dimensionless)
-    return dimensionless, from_string(dimensionless, string, posed(dimensionless), degree, elements)
+    return dimensionless, drive_guess(dimensionless, string_drive(dimensionless), degree, elements)
 
 
 def iterated(dimensionless, state):

@@ -13,17 +13,17 @@ import pytest
 from belt_fenicsx import bvp, solve
 from belt_fenicsx.fitted.dofs import local
 from belt_fenicsx.fitted.elimination import Condensed
-from belt_fenicsx.fitted.guess import from_string
+from belt_fenicsx.fitted.guess import drive_guess
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import fields_in
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.kind import STICK, Part
-from belt_fenicsx.layout.posed import ordered, posed
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.solution.status import Status
-from belt_fenicsx.taut_string.string import taut_string
+from belt_fenicsx.taut_string.drive import string_drive
 
 STUDIES = Path(__file__).parents[2] / "demos" / "studies"
 
@@ -125,15 +125,6 @@ def test_a_slack_and_stiff_belt_would_lift_off(length, thickness):
     assert "would lift off" in solution.message and "would lift off" in reference.message
 
 
-def test_a_string_on_given_angles_of_the_pulley():
-    pulley = Scene().pulleys[0]
-    string = taut_string(Scene(), (0.4, -0.2))
-    np.testing.assert_allclose(string.r_ends[[0, -1]], [[-0.5, 0.0], [0.5, 0.0]], atol=1e-14)
-    arms = string.r(string.joints) - pulley.center
-    np.testing.assert_allclose(np.hypot(*arms.T), pulley.radius, rtol=1e-12)
-    np.testing.assert_allclose(string.phi(string.joints)[[0, -1]], [0.4, -0.2], atol=1e-14)
-
-
 def test_states_pass_on_without_loss():
     old = solve(Scene()).state
     scene, _ = Scene().dimensionless()
@@ -145,7 +136,7 @@ def test_states_pass_on_without_loss():
 
 def test_nodes_in_contact_stay_on_the_pulley_and_held_borders_where_they_are():
     scene, _ = Scene().dimensionless()
-    start = from_string(scene, taut_string(scene), posed(scene), 4)
+    start = drive_guess(scene, string_drive(scene), 4)
     one_step = newton((("snes_max_it", 1),))
     bent, _ = one_step.solve(scene, start, 1e-3, fixed_joints=True)
     state, _ = one_step.solve(scene, start, 1e-3)
