@@ -164,7 +164,7 @@ def drawn_on(path: Path, scene: Scene, forces: Forces, centers: tuple[Point, ...
         omega = pulley.drive.by("omega") if pulley.drive.kind == "omega" else speed
         # Where a drive places a transition, there is one, even if hardly anything sticks before it.
         through = pulley.drive.kind in ("slip_angle", "x_trans") or abs(speed - omega) > NOTHING * speed
-        sense: Slip = "forward" if grown > 0.0 else "backward"
+        sense: Slip = pulley.slip or ("forward" if grown > 0.0 else "backward")
         parts += [*string.on_pulley(pulley, arc, up, mu, sense, angle, through), span]
         omegas.append(omega)
         torques.append(arc.radius * (off - up))

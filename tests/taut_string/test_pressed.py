@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from belt_fenicsx.layout.kind import Part
 from belt_fenicsx.layout.layers import LEAST_STRAIN
 from belt_fenicsx.scene.belt import Belt
 from belt_fenicsx.scene.pulley import Pulley
@@ -75,9 +76,10 @@ def test_a_belt_that_is_longer_than_its_path_has_a_small_force():
 
 
 @pytest.mark.parametrize("place", [-0.5, 0.5])
-def test_a_place_outside_of_the_contact_is_kept(place):
-    string = string_drive(Scene(pulleys=(Pulley(x_trans=place),)).dimensionless()[0])
-    assert [own.part.kind for own in string.on(0)] == ["stick", "slip"]
+@pytest.mark.parametrize("sense", ["forward", "backward"])
+def test_a_place_outside_of_the_contact_is_kept(place, sense):
+    string = string_drive(Scene(pulleys=(Pulley(x_trans=place, slip=sense),)).dimensionless()[0])
+    assert [own.part for own in string.on(0)] == [Part("stick"), Part("slip", sense)]
 
 
 @pytest.mark.parametrize("friction", [1e-9, 1e-6, 1e-3])
