@@ -25,10 +25,9 @@ from belt_fenicsx.bvp.reading import FIELDS, answer, explained, field_errors
 from belt_fenicsx.bvp.run import Run
 from belt_fenicsx.bvp.state import State
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.drives import solve_driven
+from belt_fenicsx.search.drives import meet_drives, solve_driven
 from belt_fenicsx.search.find import answers, find, layout_of, settle_from
 from belt_fenicsx.search.limits import check_smooth, leaves_transition, meets
-from belt_fenicsx.search.several import meet_drives, solve_several
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
@@ -171,6 +170,6 @@ def _warm(run: Run, initial: Solution | None) -> State | None:
 
 def _cold(run: Run) -> State:
     """An answer on the coarse mesh, from the taut string."""
-    if not run.scene.is_published:
-        return solve_several(run)
-    return solve_driven(run) if leaves_transition(run.scene) else run.start()
+    if not run.scene.is_published or leaves_transition(run.scene):
+        return solve_driven(run)
+    return run.start()

@@ -25,11 +25,11 @@ from belt_fenicsx.bvp.reading import FIELDS, changes, plausible
 from belt_fenicsx.bvp.state import State, pose
 from belt_fenicsx.layout.arrays import Array
 from belt_fenicsx.layout.layout import Layout
-from belt_fenicsx.layout.posed import ordered, posed
+from belt_fenicsx.layout.posed import ordered
 from belt_fenicsx.layout.revision import Samples, Tolerances
 from belt_fenicsx.scene.scene import Scene
 from belt_fenicsx.scene.units import Units
-from belt_fenicsx.search.drives import divide_stick
+from belt_fenicsx.search.divided import divide_stick
 from belt_fenicsx.search.find import check_transition, settle, settle_from
 from belt_fenicsx.search.limits import leaves_transition, meets
 from belt_fenicsx.solution.stages import Stages, Stopped
@@ -197,7 +197,7 @@ class Run:
         """
         if not self.scene.is_published:
             return self._start_from_drive()
-        layout = posed(self.scene)
+        layout = ordered(self.scene, [own.part for own in self.drawn.parts if own.part.touches])
         problem = self.pose(layout)
         first = State(layout, problem, from_drive(problem, self.drive, self.cells))
         if (state := settle_from(self, first, "taut string", "no plausible solution yet")) is not None:

@@ -33,9 +33,9 @@ from belt_fenicsx.fitted.state import State
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.scene import Scene
+from belt_fenicsx.search.drives import meet_drives
 from belt_fenicsx.search.find import find
 from belt_fenicsx.search.limits import check_smooth, meets
-from belt_fenicsx.search.several import meet_drives
 from belt_fenicsx.solution.certificate import certified
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped

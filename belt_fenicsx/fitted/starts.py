@@ -27,10 +27,10 @@ from belt_fenicsx.fitted.state import State
 from belt_fenicsx.layout.posed import posed
 from belt_fenicsx.scene.belt import StiffnessBelt
 from belt_fenicsx.scene.pulley import RUN_OFF
-from belt_fenicsx.search.drives import divide_stick, solve_driven
+from belt_fenicsx.search.divided import divide_stick
+from belt_fenicsx.search.drives import solve_driven
 from belt_fenicsx.search.find import layout_of, limit
 from belt_fenicsx.search.limits import leaves_transition
-from belt_fenicsx.search.several import solve_several
 from belt_fenicsx.solution.solution import Solution
 from belt_fenicsx.solution.stages import Stopped
 from belt_fenicsx.solution.status import Status
@@ -120,7 +120,7 @@ def from_softer(run: Run) -> State:
     assert isinstance(belt, StiffnessBelt), "the scene is dimensionless"
     softer = replace(belt, bending_stiffness=SOFTER * belt.bending_stiffness)
     state = from_string(replace(run, scene=replace(run.scene, belt=softer)), fixed_joints=True)
-    return run.newton(run.transfer(state, posed(run.scene), state.ends), "a belt that bends more easily")
+    return run.newton(run.transfer(state, state.layout, state.ends), "a belt that bends more easily")
 
 
 def from_stick(run: Run, stick: State | None = None) -> State:
@@ -161,8 +161,6 @@ def ways(run: Run, initial: Solution | None) -> list[Start]:
     if initial is not None:
         degrees = WARM if initial.method == METHOD else RESCUE
         warm += [functools.partial(from_solution, initial=initial, degree=degree) for degree in degrees]
-    if not run.scene.is_published:
-        return [*warm, solve_several]
-    if leaves_transition(run.scene):
+    if not run.scene.is_published or leaves_transition(run.scene):
         return [*warm, solve_driven]
     return [*warm, *STRING, *([from_stick] if posed(run.scene).slides_behind(0) else [])]

@@ -14,7 +14,7 @@ from belt_fenicsx.layout.revision import Resultants, Sample, Samples, Tolerances
 from belt_fenicsx.scene.checks import SceneError
 from belt_fenicsx.scene.pulley import Pulley
 from belt_fenicsx.scene.scene import Scene
-from belt_fenicsx.search.drives import divide_stick, place_transition
+from belt_fenicsx.search.divided import divide_stick, place_transition, slides_both_ways
 from belt_fenicsx.search.find import attempt, find, settle
 from belt_fenicsx.search.limits import meets
 from belt_fenicsx.solution.stages import Stages, Stopped
@@ -144,9 +144,27 @@ def test_friction_of_the_given_torque_tells_where_stick_ends():
     for wanted in (0.19, 0.195):
         changed = -sum((x + 0.35) * (0.2 - wanted) for x in np.linspace(wanted, 0.2, 101)) / 101
         given = scene(torque=-0.7 * (seen.pulleys[0].friction + changed))
-        layout, ends = place_transition(given, pure.layout, seen)
-        assert str(layout) == "stick | forward slip"
-        assert ends[2] == pytest.approx(wanted, abs=3e-4)
+        parts, ends = place_transition(given, pure.layout, seen)
+        assert parts == [STICK, FORWARD]
+        assert ends.tolist() == [-0.2, pytest.approx(wanted, abs=3e-4), 0.2]
+
+
+def test_a_torque_for_which_nothing_is_to_stick():
+    asked = scene(torque=1.0)
+    pure = stick(asked)
+    parts, ends = place_transition(asked, pure.layout, samples(pure.layout, pure.ends))
+    assert (parts, ends.tolist()) == ([FORWARD], [-0.2, 0.2])
+
+
+@pytest.mark.parametrize("part", [0.25, 0.5])
+def test_sliding_both_ways_turns_where_the_belt_has_the_given_speed(part):
+    """The stretch grows along the contact: the belt is slower than the pulley before that place."""
+    ends = np.array([-0.5, -0.2, 0.2, 0.5])
+    asked = scene(omega=(1.04 + 0.01 * 0.4 * part) / 0.7)
+    layout = ordered(asked, [FORWARD])
+    parts, ends = slides_both_ways(asked, layout, samples(layout, ends), 0)
+    assert parts == [FORWARD.turned, FORWARD]
+    assert ends.tolist() == [-0.2, pytest.approx(-0.2 + 0.4 * part, abs=1e-3), 0.2]
 
 
 @pytest.mark.parametrize(
