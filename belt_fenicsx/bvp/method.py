@@ -131,7 +131,7 @@ def _find(run: Run, initial: Solution | None) -> State:
         run.cells, run.end = cells, None
         try:
             state = find(run, _warm(run, initial) or _cold(run))
-            if not run.scene.is_published and not meets(run, state):
+            if not meets(run, state):
                 state = find(run, meet_drives(run, state))
         except Stopped as stopped:
             diverged = stopped.status is Status.NEWTON_DIVERGED
