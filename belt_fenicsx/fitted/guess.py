@@ -56,13 +56,10 @@ def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | 
     starts, widths = state.sigma[:, :1], state.length[:, None]
     nodes, gauss = points(degree)
     at_nodes, fractions = _in_parts((starts + widths * nodes) / scene.belt.length, true)
-    r, theta, along = (np.empty(fractions.shape, dtype=kind) for kind in (complex, float, float))
-    least = LEAST_STRAIN * scene.belt.extensional_stiffness
+    x, y, theta, D = np.empty((4, *fractions.shape))
     for i, own in enumerate(string.parts):
         here = at_nodes == i
-        x, y, theta[here], D = own.at(fractions[here])
-        r[here] = x + 1j * y
-        along[here] = np.maximum(own.force[0] + fractions[here] * (own.force[1] - own.force[0]), least) * D
+        x[here], y[here], theta[here], D[here] = own.at(fractions[here])
         if own.part.touches and (own.part.kind == "stick" or elongations[own.part.pulley] == 0.0):
             on = own.part.pulley
             # The touching fibre's stretch is as much smaller as its radius is.
@@ -75,8 +72,11 @@ def drive_guess(scene: Scene, string: StringDrive, degree: int, elements: int | 
             theta[here] += own.layers(fractions[here])[0]
             _, pressure[there], friction[there] = own.layers(inside[there])
     drive(state, Driven(elongations, string.rate, np.array(string.take_ups)))
-    _press(state, along[:, :2].mean(axis=1), pressure, friction)
-    return placed(state, r, theta)
+    # At both ends of each cell.
+    first, last = np.array([own.force for own in string.parts])[at_nodes[:, :2]].transpose(2, 0, 1)
+    force = np.maximum(first + fractions[:, :2] * (last - first), LEAST_STRAIN * scene.belt.extensional_stiffness)
+    _press(state, (force * D[:, :2]).sum(axis=1) / 2.0, pressure, friction)
+    return placed(state, x + 1j * y, theta)
 
 
 def _in_parts(places: Array, ends: Array) -> tuple[Array, Array]:
@@ -91,6 +91,8 @@ def _apart(layout: Layout, ends: Array) -> Array:
     for pulley in layout.pulleys:
         on = layout.on(pulley)
         lengths = np.diff(ends[on[0] : on[-1] + 2])
+        if lengths.min() >= LEAST * lengths.sum():
+            continue
         grown = np.maximum(lengths, LEAST * lengths.sum())
         lengths = grown * (lengths.sum() / grown.sum())
         ends[on[0] + 1 : on[-1] + 1] = ends[on[0]] + np.cumsum(lengths)[:-1]
