@@ -1,6 +1,6 @@
 """The default method: finite elements whose nodes move with the joints of the belt's parts.
 
-1. A coarse state, by the ladder in `starts`: Newton's iteration with elements of the lowest degree, on few cells graded
+1. A coarse state, by the ladder in `guess`: Newton's iteration with elements of the lowest degree, on few cells graded
    by the belt's layers. Unknowns are the fields, the joints and the stretch in stick, all at once. For a given speed or
    torque, it goes by way of pure stick and pure slip (`search.drives`).
 2. Raise the degree, for which one Newton step each is enough, until the angular velocity is known (`accuracy`).
@@ -24,11 +24,10 @@ from mpi4py import MPI
 
 from belt_fenicsx.fitted.accuracy import Accuracy, rounding
 from belt_fenicsx.fitted.evaluator import Evaluator
-from belt_fenicsx.fitted.guess import LOWEST
+from belt_fenicsx.fitted.guess import LOWEST, METHOD, WARM, Start, ways
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.reading import answer
 from belt_fenicsx.fitted.run import TOLERANCE, Run
-from belt_fenicsx.fitted.starts import METHOD, WARM, Start, ways
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.scene.checks import SceneError

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from belt_fenicsx.fitted.accuracy import COARSEST, Accuracy, coarse, estimate
-from belt_fenicsx.fitted.guess import LOWEST
+from belt_fenicsx.fitted.guess import DRIVE, FINE, LOWEST, STRING, Start, from_stick
 from belt_fenicsx.fitted.newton import Newton
 from belt_fenicsx.fitted.reading import friction_suffices, lifts_off, samples
-from belt_fenicsx.fitted.starts import DRIVE, FINE, STRING, Start, from_stick
 from belt_fenicsx.fitted.state import State
 from belt_fenicsx.fitted.transfer import from_fields
 from belt_fenicsx.layout.arrays import Array

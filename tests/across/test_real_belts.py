@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from belt_fenicsx import Belt, Pulley, Scene, SceneError, Solution, Status, bvp, solve
+from belt_fenicsx.fitted.guess import ways
 from belt_fenicsx.fitted.method import solved
 from belt_fenicsx.fitted.newton import newton
 from belt_fenicsx.fitted.run import Run
-from belt_fenicsx.fitted.starts import ways
 from belt_fenicsx.solution.certificate import certified
 
 pytestmark = pytest.mark.serial
