@@ -42,6 +42,9 @@ LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
 STRETCH = 5e-12  # The rounding error of a stretch at any point.
 TRACTION = 1e-9  # That of pressure and friction, relative to the largest, for each shear layer along the radius.
+# That of friction, over the radius, as a part of what is doubted of its integral: however little it is, it is known no
+# better. Where it was measured, with a friction coefficient of 3e-8 to 1e-6, it was 0.002 to 0.1 of that.
+FRICTION = 1 / 16
 # The estimated error of the torque that goes with an rtol, over the rtol; the true one is a third of it, or less.
 OF_TORQUE = 30.0
 # Where the pressure changes by more than this times the accuracy of the fields, estimates are not trusted.
@@ -223,6 +226,7 @@ def errors_of_fields(
     sizes["f"] = max(sizes["f"], max(pulley.friction for pulley in scene.pulleys) * sizes["p"])
     slender = max(pulley.radius for pulley in scene.pulleys) / shear_layer(scene, float(state.stretches.max()) - 1.0)
     least = dict.fromkeys(STRETCHES, STRETCH) | {name: TRACTION * slender * sizes[name] for name in "pf"}
+    least["f"] = max(least["f"], FRICTION * float((state.doubts / [pulley.radius for pulley in scene.pulleys]).max()))
     errors = {}
     for name, change_of_field in changes.items():
         error = max(left.get(name, LEFT_OF_FIELDS) * change_of_field, least.get(name, 0.0))
