@@ -35,8 +35,9 @@ ROUNDING = 5000.0  # The rounding error of the speed in units of `EPSILON`; most
 # The rounding error of a bending force in the shortest cell, in units of `EPSILON`, for each cell; it is the larger one
 # from a thousand cells on.
 BENDING = 4.0
-# These parts of a field's change are left: of stretches, whose errors fall by more, and of all others.
-LEFT_OF_STRETCHES, LEFT_OF_FIELDS = 1 / 12, 1 / 5
+# These parts of a field's change are left: of stretches, whose errors fall by more, and of all others; of stretches
+# less where the change of the pressure fell since the degree before, by this many times the factor of its fall.
+LEFT_OF_STRETCHES, LEFT_OF_FIELDS, STRETCH_GAIN = 1 / 12, 1 / 5, 2.0
 # The same for pressure and friction, in units of the factor by which their change fell, and at most: changes that fall
 # no further are rounding, of which the first of two can be the smaller.
 TRACTION_GAIN, TRACTION_MOST = 4.0, 3.0
@@ -220,7 +221,8 @@ def errors_of_fields(
     """
     fall = change / change_before if change_before else 0.0
     part_of_tractions = min(max(TRACTION_GAIN * fall, LEFT_OF_FIELDS), TRACTION_MOST)
-    left = {**dict.fromkeys(STRETCHES, LEFT_OF_STRETCHES), "p": part_of_tractions, "f": part_of_tractions}
+    part_of_stretches = min(STRETCH_GAIN * fall, LEFT_OF_STRETCHES) if fall else LEFT_OF_STRETCHES
+    left = {**dict.fromkeys(STRETCHES, part_of_stretches), "p": part_of_tractions, "f": part_of_tractions}
     old, new = _table(scene, before), _table(scene, state)
     changes, sizes = _largest(scene, new - old), _largest(scene, new)
     sizes["f"] = max(sizes["f"], max(pulley.friction for pulley in scene.pulleys) * sizes["p"])
