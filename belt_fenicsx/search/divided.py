@@ -47,7 +47,7 @@ def divide_stick(scene: Scene, stick: Layout, samples: Samples, least: float) ->
     return layout, np.array([*ends[: sticks[0] + 1], place, stop, ends[-1]])
 
 
-def place_transition(scene: Scene, layout: Layout, samples: Samples, index: int = 0) -> tuple[list[Part], Array]:
+def place_transition(scene: Scene, layout: Layout, samples: Samples, index: int) -> tuple[list[Part], Array]:
     """Parts on a pulley with the speed or torque given, and their ends, from a state with stick before its run-off.
 
     Where nothing is to stick, the belt slides all along.

@@ -27,7 +27,7 @@ def hints(scene: Scene) -> tuple[str, ...]:
     Returns:
         One sentence for each thing that is unusual, and one on where a string would touch the pulley.
     """
-    said = [*_units(scene), *_side(scene.pulleys[0])]
+    said = [*_units(scene), *(line for pulley in scene.pulleys for line in _side(pulley))]
     if touches(scene):
         path = tangent_path(scene)
         said += [*_tension(scene, path), *_contact(scene, path)]

@@ -144,7 +144,7 @@ def test_friction_of_the_given_torque_tells_where_stick_ends():
     for wanted in (0.19, 0.195):
         changed = -sum((x + 0.35) * (0.2 - wanted) for x in np.linspace(wanted, 0.2, 101)) / 101
         given = scene(torque=-0.7 * (seen.pulleys[0].friction + changed))
-        parts, ends = place_transition(given, pure.layout, seen)
+        parts, ends = place_transition(given, pure.layout, seen, 0)
         assert parts == [STICK, FORWARD]
         assert ends.tolist() == [-0.2, pytest.approx(wanted, abs=3e-4), 0.2]
 
@@ -152,7 +152,7 @@ def test_friction_of_the_given_torque_tells_where_stick_ends():
 def test_a_torque_for_which_nothing_is_to_stick():
     asked = scene(torque=1.0)
     pure = stick(asked)
-    parts, ends = place_transition(asked, pure.layout, samples(pure.layout, pure.ends))
+    parts, ends = place_transition(asked, pure.layout, samples(pure.layout, pure.ends), 0)
     assert (parts, ends.tolist()) == ([FORWARD], [-0.2, 0.2])
 
 
