@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 COMPILER_FLAGS = ["-O3", "-g0"]
 
 
+@functools.cache
 def library(source: Path, declarations: str) -> Any:
-    """A module with the functions ``lib`` of a C file, and the interface ``ffi`` to them.
+    """The functions of a C file, once in a process.
 
     Args:
         source: The C file.
@@ -45,7 +46,7 @@ def library(source: Path, declarations: str) -> Any:
         return module
 
     with compiling():
-        return cached([*COMPILER_FLAGS, declarations, code], compile_into)
+        return cached([*COMPILER_FLAGS, declarations, code], compile_into).lib
 
 
 @functools.cache

@@ -13,7 +13,6 @@ once, took two to three times as long.
 
 from __future__ import annotations
 
-import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,7 +83,7 @@ class Elimination:
 
     def __init__(self, level: Level, entries: Array, unknowns: Array) -> None:
         self.next, self._ones, self._calls = np.zeros(level.size + 1), level.ones, list[tuple[Any, Any]]()
-        self._eliminate, self._substitute = functions().lib.eliminate, functions().lib.substitute
+        self._library = library(Path(__file__).with_suffix(".c"), DECLARATIONS)
         for group, places in zip(level.groups, level.places, strict=True):
             count, width = group.block.shape[:2]
             size, rows = (count, group.ends[-1], width), doubles(np.empty(group.block.shape))
@@ -101,20 +100,14 @@ class Elimination:
         """
         self.next.fill(0.0)
         for forth, _ in self._calls:
-            if self._eliminate(*forth):
+            if self._library.eliminate(*forth):
                 raise np.linalg.LinAlgError("Singular matrix")
         self.next[self._ones] = 1.0
 
     def back(self) -> None:
         """Computes what is hidden from what is left."""
         for _, back in self._calls:
-            self._substitute(*back)
-
-
-@functools.cache
-def functions() -> Any:
-    """The compiled functions of the C file beside this one."""
-    return library(Path(__file__).with_suffix(".c"), DECLARATIONS)
+            self._library.substitute(*back)
 
 
 class Condensed:

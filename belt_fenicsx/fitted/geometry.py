@@ -6,9 +6,7 @@ numbers, is computed in C (`geometry.c`): NumPy's long doubles take ten times as
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -48,6 +46,7 @@ class Geometry:
 
     def __init__(self, mesh: Mesh, degree: int, loads: bool, data: Array, chord: int) -> None:
         at, self._mesh, self._loads = local(degree), mesh, loads
+        self._library = library(Path(__file__).with_suffix(".c"), DECLARATIONS)
         # In the complex plane, a turn is a product.
         self._deviation, self.chords = (data[:, slots].view(complex) for slots in (at.r, slice(chord, chord + 4)))
         bulge = chord + CHORD.index("bulge_x")
@@ -82,7 +81,7 @@ class Geometry:
 
     def measure(self) -> None:
         """Computes what the forms need to know of the chords."""
-        functions().lib.measure(*self._measured)
+        self._library.measure(*self._measured)
 
     def put_together(self, values: Array) -> Array:
         """Adds to the values of all cells what was taken off, and gives back the chords ``(n, 4)``."""
@@ -110,7 +109,7 @@ class Geometry:
         # The chords are seen from where the pulleys are now.
         centers = moves[:, 0] * self._ways if self._loads else self._still
         straight = self._onto_pulleys(way) if bent else np.ascontiguousarray(way)
-        functions().lib.shift(*self._shifted, doubles(straight.view(float)), doubles(centers.view(float)))
+        self._library.shift(*self._shifted, doubles(straight.view(float)), doubles(centers.view(float)))
 
     def _onto_pulleys(self, straight: Array) -> Array:
         """The way of nodes, bent to the pulley where they move on it; free zones follow the ends of the others.
@@ -142,9 +141,3 @@ class Geometry:
         if mesh.layout.closed:
             way[0, 0] = way[-1, 1]
         return way
-
-
-@functools.cache
-def functions() -> Any:
-    """The compiled functions of the C file beside this one."""
-    return library(Path(__file__).with_suffix(".c"), DECLARATIONS)
